@@ -4,6 +4,7 @@ Blocks pass one after the other: a job holds two of them and its own rasters, ho
 """
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,12 @@ class MeshBlocks(BaseModel):
     boxes: tuple[BlockBox, ...]
     areas: tuple[float, ...]
     """of the triangles of each block, m2"""
+
+    # Cached: every tile of every output asks which of them it may show.
+    @cached_property
+    def corners(self) -> np.ndarray:
+        """(blocks, 8, 3) of the boxes."""
+        return np.array([box.corners for box in self.boxes]).reshape(-1, 8, 3)
 
 
 class BlocksOfMesh(NamedTuple):
@@ -153,6 +160,19 @@ class TileSurface(BaseModel):
     @property
     def box(self) -> BlockBox:
         return BlockBox(low=self.low, high=self.high)
+
+
+class ShownSurfaces(BaseModel):
+    """What the tiles of all outputs show of the mesh, in one table: planning waits for it once, and not for every tile."""
+
+    model_config = ConfigDict(frozen=True)
+
+    tiles: tuple[TileSurface, ...]
+
+
+def shown_surfaces(surfaces: Iterator[TileSurface]) -> ShownSurfaces:
+    """Those of all tiles, in their order."""
+    return ShownSurfaces(tiles=tuple(surfaces))
 
 
 class OutputRasters(NamedTuple):

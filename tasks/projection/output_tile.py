@@ -4,7 +4,7 @@ A box about the surface that a tile shows tells which part of each photograph sh
 blocks of the mesh are drawn there. So a job reads what its tile needs, whatever the sizes of mesh and photographs are.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -14,7 +14,7 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.frames import AnyFrame, FlatFrame, ViewFrame
 from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, level_window
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.projection.depth_rasters import BlockBox, TileSurface
+from orthomill.tasks.projection.depth_rasters import TileSurface
 from orthomill.tasks.visibility.output_frame import frame_view, ideal_window, moved, plane_projection
 
 
@@ -51,37 +51,37 @@ class OutputTile:
         return replace(self, parts=parts, zones=zones)
 
 
-def blocks_of_photograph(view: View, boxes: Sequence[BlockBox], origin: np.ndarray) -> tuple[int, ...]:
-    """Blocks that may be in the picture of a view, or near it without distortion."""
-    local = moved(view, origin)
-    return tuple(k for k, box in enumerate(boxes) if not _beside(local, box.corners, ideal_window(local)))
+def blocks_of_photograph(view: View, boxes: np.ndarray, origin: np.ndarray) -> tuple[int, ...]:
+    """Blocks, of boxes with corners (blocks, 8, 3), that may be in the picture of a view, or near it without distortion."""
+    return _numbers(~_beside(moved(view, origin), boxes, ideal_window(view.camera)))
 
 
-def blocks_of_window(frame: AnyFrame, window: Window, boxes: Sequence[BlockBox], origin: np.ndarray) -> tuple[int, ...]:
-    """Blocks that may be in a window of a frame; too many do no harm."""
+def blocks_of_window(frame: AnyFrame, window: Window, boxes: np.ndarray, origin: np.ndarray) -> tuple[int, ...]:
+    """Blocks, of boxes with corners (blocks, 8, 3), that may be in a window of a frame; too many do no harm."""
     if isinstance(frame, ViewFrame):
-        view = frame_view(frame, origin)
-        return tuple(k for k, box in enumerate(boxes) if not _beside(view, box.corners, ideal_window(view, window)))
+        return _numbers(~_beside(frame_view(frame, origin), boxes, ideal_window(frame.camera, window)))
     if not isinstance(frame, FlatFrame):
         return tuple(range(len(boxes)))
     matrix = plane_projection(frame, origin).matrix[:2]
-    placed = ((box.corners @ matrix[:, :3].T + matrix[:, 3]) for box in boxes)
+    placed = boxes @ matrix[:, :3].T + matrix[:, 3]
     first, last = (window.col, window.row), (window.col + window.width - 1, window.row + window.height - 1)
-    return tuple(k for k, p in enumerate(placed) if (p.max(axis=0) >= first).all() and (p.min(axis=0) <= last).all())
+    return _numbers(((placed.max(axis=1) >= first) & (placed.min(axis=1) <= last)).all(axis=1))
 
 
-def _beside(view: View, corners: np.ndarray, window: Window) -> bool:
-    """Whether a box (8, 3) is behind a view or beside a window of its ideal picture."""
-    u = (corners - view.centre) @ view.rotation.T
-    depth = -u[:, 2]
-    if (depth <= 0).all():
-        return True
-    n = view.numbers
+def _numbers(chosen: np.ndarray) -> tuple[int, ...]:
+    return tuple(np.flatnonzero(chosen).tolist())
+
+
+def _beside(view: View, boxes: np.ndarray, window: Window) -> np.ndarray:
+    """bool (N,): boxes (N, 8, 3) that are behind a view or beside a window of its ideal picture."""
+    u = (boxes - view.centre) @ view.rotation.T
+    depth, n = -u[..., 2], view.numbers
     # A side of the window is a plane through the centre: the box is beside it where all corners are.
     left, right = (window.col - n.col0) / n.c, (window.col + window.width - n.col0) / n.c
     top, bottom = (n.row0 - window.row) / n.c, (n.row0 - window.row - window.height) / n.c
-    x, y = u[:, 0], u[:, 1]
-    return bool((x < left * depth).all() or (x > right * depth).all() or (y > top * depth).all() or (y < bottom * depth).all())
+    x, y = u[..., 0], u[..., 1]
+    sides = depth <= 0, x < left * depth, x > right * depth, y > top * depth, y < bottom * depth
+    return np.asarray(np.any([side.all(axis=1) for side in sides], axis=0))
 
 
 def photo_part(source: PhotoSource, surface: TileSurface, origin: np.ndarray, margin: int = 4) -> PhotoPart | None:
@@ -123,7 +123,7 @@ def _shown(view: View, corners: np.ndarray, ideal: bool) -> Window | None:
         col, row = n.col0 + n.c * x, n.row0 - n.c * y
     else:
         # Points along the edges and inside: distortion bends their images outwards. Not beyond the field, where it folds back.
-        field = ideal_window(view)
+        field = ideal_window(camera)
         x = np.clip(x, (field.col - n.col0) / n.c, (field.col + field.width - n.col0) / n.c)
         y = np.clip(y, (n.row0 - field.row - field.height) / n.c, (n.row0 - field.row) / n.c)
         xs, ys = np.meshgrid(np.linspace(x.min(), x.max(), 9), np.linspace(y.min(), y.max(), 9))

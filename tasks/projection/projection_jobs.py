@@ -4,7 +4,7 @@ Planning waits three times: for the mesh (how many blocks it has), for the frame
 and photographs that a tile needs. Sight, limits, samples, balance and colours follow from these.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan, prod
@@ -26,10 +26,12 @@ from orthomill.tasks.projection.chosen_photographs import PhotographMask
 from orthomill.tasks.projection.depth_rasters import (
     MeshBlocks,
     PhotoDepth,
+    ShownSurfaces,
     TileSurface,
     depth_picture,
     output_depth,
     photograph_depth,
+    shown_surfaces,
 )
 from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.lines.sections import AnySection
@@ -52,7 +54,7 @@ from orthomill.tasks.projection.projection_colours import (
 from orthomill.tasks.projection.sight_rasters import sight_tile
 from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
-from orthomill.tasks.visibility.output_frame import ideal_window, moved
+from orthomill.tasks.visibility.output_frame import ideal_window
 from orthomill.tasks.visibility.triangle_blocks import SIDE
 
 CORNERS = "projection/corners"
@@ -60,6 +62,7 @@ CORNERS = "projection/corners"
 CENSUS = Table("projection/census.json", MeshCensus)
 BLOCKS = Table("projection/blocks.json", MeshBlocks)
 FACING = Table("projection/facing.json", MeshFacing)
+SURFACES = Table("projection/surfaces.json", ShownSurfaces)
 _COARSER = 4
 """output pixels per sample pixel of the balance: averaging removes noise and the effect of mismatches of a pixel"""
 
@@ -133,7 +136,7 @@ class ProjectionBasis:
     @cached_property
     def ideal(self) -> dict[str, Window]:
         """Their windows without distortion."""
-        return {name: ideal_window(moved(view, self.origin)) for name, view in self.views.items()}
+        return {name: ideal_window(view.camera) for name, view in self.views.items()}
 
 
 def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
@@ -143,7 +146,7 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         whole = Window(0, 0, *window.shape)
         for layer, kind, unit in (("nearness", "float32", "1/m"), ("triangle", "int32", "")):
             yield RasterSpec(name=photograph_layer(name, layer), shape=window.shape, dtype=kind, chunk=basis.tile, unit=unit)
-        numbers = blocks_of_photograph(view, basis.blocks.boxes, basis.origin)
+        numbers = blocks_of_photograph(view, basis.blocks.corners, basis.origin)
         reads: dict[str, Reading] = {"blocks": Stream(_blocks(numbers)), "block": BLOCK, "census": CENSUS}
         writes: dict[str, Raster | Table] = {
             layer: Raster(photograph_layer(name, layer), whole) for layer in ("nearness", "triangle")
@@ -158,6 +161,12 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
             # Projected corners of a block, the fronts of all triangles, the marks of squares and blocks.
             scratch=4 * 2**20 + basis.census.triangles + window.height * window.width // 16384 * len(basis.blocks.boxes),
         )
+
+
+def surfaces_job(frames: Iterable["FrameJobs"]) -> Job:
+    """What all tiles of all frames show, in their order."""
+    every = Stream(tuple(surface_table(jobs.name, tile) for jobs in frames for tile in jobs.tiles))
+    return Job("projection", "surfaces", shown_surfaces, {"surfaces": every}, {"surfaces": SURFACES})
 
 
 def border_layer(name: str) -> str:
@@ -229,7 +238,7 @@ class FrameJobs:
         yield self.raster("nearness", "float32", nodata=nan, unit="m")
         yield self.raster("triangle", "int32")
         for tile in self.tiles:
-            numbers = blocks_of_window(self.frame, tile.window, self.basis.blocks.boxes, self.basis.origin)
+            numbers = blocks_of_window(self.frame, tile.window, self.basis.blocks.corners, self.basis.origin)
             writes: dict[str, Raster | Table] = {
                 layer: Raster(output_layer(self.name, layer), tile.window) for layer in ("nearness", "triangle")
             }

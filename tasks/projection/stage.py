@@ -1,6 +1,7 @@
 """The stage `projection`: a solid surface on maps, walls, cylinders and views, coloured from every photograph that sees it."""
 
 from collections.abc import Iterator
+from itertools import islice
 from math import ceil, sqrt
 from typing import Annotated, ClassVar, Literal
 
@@ -56,6 +57,7 @@ from orthomill.tasks.projection.projection_jobs import (
     CENSUS,
     CORNERS,
     FACING,
+    SURFACES,
     ColourJobs,
     FrameJobs,
     ProjectionBasis,
@@ -69,7 +71,7 @@ from orthomill.tasks.projection.projection_jobs import (
     photograph_picture,
     samples_table,
     statistics_table,
-    surface_table,
+    surfaces_job,
 )
 from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
 from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
@@ -183,9 +185,12 @@ class ProjectionStage(Stage):
         proofs = [FrameJobs(basis, frame, NoSection()) for frame in self._left_out(basis)]
         for jobs in (*outputs, *proofs):
             yield from jobs.depth()
+        yield surfaces_job((*outputs, *proofs))
+        # First what is made from all photographs and from all tiles: asked for one by one, each would be a reason to plan again.
+        _, shown = view.table(FACING), view.table(SURFACES)
         masks = self._masks(view, basis)
-        seen = {name: view.table(depth_table(name)) for name in names}
-        coloured = [ColourJobs(jobs, _surfaces(view, jobs), seen, masks) for jobs in (*outputs, *proofs)]
+        seen, surfaces = {name: view.table(depth_table(name)) for name in names}, iter(shown.tiles)
+        coloured = [ColourJobs(jobs, tuple(islice(surfaces, len(jobs.tiles))), seen, masks) for jobs in (*outputs, *proofs)]
         yield from self._sampled(view, coloured[: len(outputs)], basis)
         yield from self._outputs(coloured[: len(outputs)])
         for colour in coloured[len(outputs) :]:
@@ -401,7 +406,3 @@ class ProjectionStage(Stage):
 def left_out_table(name: str) -> Table[LeftOutPhotograph]:
     """The comparison of a photograph that was left out."""
     return Table(f"projection/{name}.json", LeftOutPhotograph)
-
-
-def _surfaces(view: ProjectView, jobs: FrameJobs) -> tuple:
-    return tuple(view.table(surface_table(jobs.name, tile)) for tile in jobs.tiles)

@@ -9,9 +9,11 @@ All coordinates here are relative to the origin of the mesh.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
+from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.frames import AnyFrame, CylinderFrame, FlatFrame, ViewFrame
 from orthomill.tasks.geometry.distortion import lens_of, pixel_to_image
@@ -47,27 +49,31 @@ def plane_projection(frame: FlatFrame, origin: np.ndarray) -> Projection:
     return Projection(np.column_stack([rows, rows @ (origin - frame.corner) - [0.5, 0.5, 0.0]]), central=False)
 
 
-def ideal_places(view: View, pixels: np.ndarray) -> np.ndarray:
+def ideal_places(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Where (N, 2) an ideal lens of the same interior orientation would show what is at `pixels` (N, 2)."""
-    n = view.numbers
-    xy = pixel_to_image(view.camera, pixels)
-    return np.column_stack([n.col0 + xy[:, 0], n.row0 - xy[:, 1]])
+    xy = pixel_to_image(camera, pixels)
+    principal = camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0
+    return np.column_stack([principal[0] + xy[:, 0], principal[1] - xy[:, 1]])
 
 
-def ideal_window(view: View, window: Window | None = None, margin: int = 2) -> Window:
-    """The pixels of an ideal lens that hold all that `window` (None: the whole photograph) shows."""
-    camera = view.camera
-    part = window or Window(0, 0, camera.height, camera.width)
+def ideal_window(camera: Camera, window: Window | None = None, margin: int = 2) -> Window:
+    """The pixels of an ideal lens that hold all that `window` (None: the whole photograph) of a camera shows."""
+    return _ideal_window(camera, window or Window(0, 0, camera.height, camera.width)).grown(margin)
+
+
+# A plan asks it of a few cameras and windows, for every tile and every photograph.
+@lru_cache(maxsize=4096)
+def _ideal_window(camera: Camera, part: Window) -> Window:
     col = np.linspace(part.col - 0.5, part.col + part.width - 0.5, 33)
     row = np.linspace(part.row - 0.5, part.row + part.height - 0.5, 33)
     border = [np.column_stack([col, np.full(33, r)]) for r in (row[0], row[-1])]
     border += [np.column_stack([np.full(33, c), row]) for c in (col[0], col[-1])]
-    places = ideal_places(view, np.vstack(border))
+    places = ideal_places(camera, np.vstack(border))
     # A lens that folds back has no ideal place in its corners; three times the photograph is more than any usable one shows.
     most = np.array([camera.width, camera.height])
     places = np.clip(np.nan_to_num(places, nan=0.0), -most, 2.0 * most)
     (left, top), (right, bottom) = np.floor(places.min(axis=0)).astype(int), np.ceil(places.max(axis=0)).astype(int)
-    return Window(int(top), int(left), int(bottom - top) + 1, int(right - left) + 1).grown(margin)
+    return Window(int(top), int(left), int(bottom - top) + 1, int(right - left) + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,14 +164,14 @@ def _scan_view(view: View, window: Window, blocks: Iterable[tuple[np.ndarray, np
         raster = empty_raster(window)
         scan_blocks(raster, projection, blocks)
         return raster
-    ideal = empty_raster(ideal_window(view, window))
+    ideal = empty_raster(ideal_window(view.camera, window))
     scan_blocks(ideal, projection, blocks)
     return _through_lens(view, window, ideal)
 
 
 def _through_lens(view: View, window: Window, ideal: NearestTriangles) -> NearestTriangles:
     """The picture of a lens with distortion: every pixel shows the triangle of the ideal pixel nearest to its own ideal place."""
-    places = ideal_places(view, window_pixels(window))
+    places = ideal_places(view.camera, window_pixels(window))
     near = np.floor(np.nan_to_num(places, nan=-1e6) + 0.5).astype(int) - (ideal.window.col, ideal.window.row)
     inside = ((near >= 0) & (near < ideal.nearness.shape[::-1])).all(axis=1)
     out = empty_raster(window)

@@ -1,5 +1,7 @@
 """The whole stage in memory on a wall with a box in front of it, whose colours and shadows are known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job, Stream
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.schemas.stage_contract import NotYet
 from orthomill.schemas.stage_report import Topic
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.geometry.view import View, block_view
@@ -115,6 +118,16 @@ def test_a_tile_holds_the_depths_of_one_photograph_at_a_time(plain, record_prope
     masked.run(given)
     jobs = [job for job in given.plan(masked) if isinstance(job, Job) and job.function is sight_tile]
     assert {len(job.reads["masks"].regions) for job in jobs} == {1}
+
+
+def test_planning_waits_for_no_single_tile(plain):
+    """Each table that planning waits for is a reason to plan again, from the beginning: hundreds of tiles would be hundreds."""
+    waiting = replace(plain, tables={path: table for path, table in plain.tables.items() if "/surface/" not in path})
+    assert len(waiting.tables) < len(plain.tables)
+    assert sum(isinstance(thing, Job) for thing in stage().plan(waiting)) == len(plain.keys)
+    without = replace(plain, tables={path: table for path, table in plain.tables.items() if path != "projection/surfaces.json"})
+    with pytest.raises(NotYet, match="surfaces"):
+        list(stage().plan(without))
 
 
 def test_photographs_switched_off_contribute_nothing():

@@ -54,7 +54,7 @@ def as_mesh(z: np.ndarray, photo) -> SurfacePlaces:
         at = np.rint(row).astype(int), np.rint(col).astype(int)
         # A wall shows its places only from before it; level triangles tell what is seen from above.
         own[at] = np.where(level | (own[at] < 0), np.arange(len(mesh.triangles)), own[at])
-    raster = nearest_triangles(central_projection(photo, ORIGIN), mesh.vertices, mesh.triangles, ideal_window(photo))
+    raster = nearest_triangles(central_projection(photo, ORIGIN), mesh.vertices, mesh.triangles, ideal_window(photo.camera))
     at_hand = TrianglesAtHand.of(tuple(range(len(blocks))), blocks)
     return MeshPlaces(points(z), own.ravel(), {photo.name: raster}, at_hand, SightTolerance())
 
