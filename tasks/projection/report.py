@@ -133,10 +133,18 @@ def _verdict(totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...
     text = f"{100 * worst.coloured:.1f} % of the surface in '{worst.name}' has a colour"
     energy = _median([one.blended.gradient for one in compared if one.blended])
     if energy is not None:
-        text += f"; photographs made again from the others keep {100 * energy:.0f} % of their gradient energy"
+        text += f"; photographs made again from the others are {_sharpness(energy)}"
     good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP)
     poor = worst.coloured <= 0.5 or _unrelated(compared)
     return Verdict(level="poor" if poor else "good" if good else "fair", sentence=text + ".", weighs=True)
+
+
+def _sharpness(energy: float) -> str:
+    """What a share of the gradient energy of photographs means, in plain words."""
+    if energy >= _SHARP:
+        return "as sharp as they were taken"
+    # The energy goes with the square of the differences, which are what one sees.
+    return f"blurred: {100 * np.sqrt(energy):.0f} % of the contrast between neighbouring pixels is left"
 
 
 def _unrelated(compared: tuple[LeftOutPhotograph, ...]) -> bool:
@@ -212,10 +220,15 @@ def _figures(
     for kind in ("blended", "nearest"):
         for measure, unit in (("psnr", "dB"), ("ssim", ""), ("gradient", "")):
             value = _median([getattr(getattr(one, kind), measure) for one in compared])
-            sentence = f"Median {measure} of photographs made again from the others, {_KINDS[kind]}."
+            sentence = f"Median {_MEASURES[measure]} of photographs made again from the others, {_KINDS[kind]}."
             yield Figure(name=f"left_out_{kind}_{measure}", value=_rounded(value), unit=unit, sentence=sentence)
 
 
+_MEASURES = {
+    "psnr": "likeness (PSNR)",
+    "ssim": "likeness of structure (SSIM, 1 is the same)",
+    "gradient": "sharpness (gradient energy over that of the photograph)",
+}
 _KINDS = {"blended": "blended", "nearest": "each place from its nearest photograph alone"}
 
 
@@ -264,7 +277,10 @@ def _grids(totals: list[_OutputTotals], facing: MeshFacing, left_out: tuple[Left
             "gradient % ",
             "difference",
         )
-        note = "Each photograph made again from all others; 'nearest' is what one photograph for each place gives."
+        note = (
+            "Each photograph made again from all others; 'nearest' is what one photograph for each place gives. Gradient: "
+            "sharpness, the squared differences between neighbours over those of the photograph itself; below 90 % it is blurred."
+        )
         yield Grid(title="Photographs from the others", columns=columns, rows=rows, note=note)
 
 
