@@ -1,7 +1,7 @@
 """What the terminal shows during a run: one line for the whole with the remaining time, and one for every stage.
 
-On a terminal the lines are redrawn in place; in a log a line is printed when the run advances by a twentieth or a stage ends; as
-JSON every such line is an object for other programs.
+On a terminal the lines are redrawn in place; in a log a line is printed when the run advances by a twentieth, when a stage ends,
+and when nothing was told for some minutes; as JSON every such line is an object for other programs.
 """
 
 import json
@@ -20,6 +20,9 @@ from orthomill.pipeline.watching.cost_model import CostModel, Remaining
 
 STEPS = 20
 """parts of the run after each of which a log gets a line"""
+SILENT = 120.0
+"""seconds without a line after which the next job gives one: a twentieth of a large block, or of a stage that turned out larger
+than was foreseen, takes hours"""
 SETTLED = 10.0
 """seconds before which no remaining time is told: the first jobs load and compile what the others use"""
 BAR = 30
@@ -52,7 +55,7 @@ class ProgressLines:
         self.counts = {kind: StageCount() for kind in titles}
         self._titles, self._model, self._console, self._as_json = titles, model, console, as_json
         self._step, self._ended = -1, set[str]()
-        self._started = time.monotonic()
+        self._started = self._told = time.monotonic()
         # A terminal can be redrawn; in a log file every redrawing would be a line of its own.
         redrawn = console.is_terminal and not as_json
         self._live = Live(get_renderable=self._lines, console=console, refresh_per_second=2) if redrawn else None
@@ -95,12 +98,13 @@ class ProgressLines:
         stage_ends = count.ended == count.planned and kind not in self._ended
         left = self._model.remaining()
         step = int(STEPS * left.share) if left else 0
-        if not stage_ends and step <= self._step:
+        now = time.monotonic()
+        if not stage_ends and step <= self._step and now - self._told < SILENT:
             return
-        self._step = max(step, self._step)
+        self._step, self._told = max(step, self._step), now
         if stage_ends:
             self._ended.add(kind)
-        elapsed = time.monotonic() - self._started
+        elapsed = now - self._started
         line = (
             json.dumps(self._facts(elapsed)) if self._as_json else f"[{elapsed:6.1f} s] {self._total()}; {kind} {state_text(count)}"
         )

@@ -56,6 +56,16 @@ def test_a_log_tells_the_whole_run_and_the_end_of_a_stage(tmp_path, capsys, monk
     assert "source 17/17 jobs" in told[-1] and len(told) <= progress_lines.STEPS
 
 
+def test_a_log_is_never_silent_for_long(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(progress_lines, "STEPS", 0)
+    monkeypatch.setattr(progress_lines, "SILENT", float("inf"))
+    whole_run(tmp_path / "quiet")
+    few = capsys.readouterr().err.splitlines()
+    monkeypatch.setattr(progress_lines, "SILENT", 0.0)
+    whole_run(tmp_path / "told")
+    assert len(few) == 2 and len(capsys.readouterr().err.splitlines()) == 17
+
+
 def test_json_is_one_object_a_line(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(progress_lines, "SETTLED", 0.0)
     whole_run(tmp_path, as_json=True)
