@@ -29,8 +29,6 @@ WORDS: dict[Level, str] = {
 SEVERITY = ("good", "fair", "poor")
 Cost = Literal["doubt", "loss", "note"]
 NOT_DETERMINED = "not determined"
-IN_LENGTHS = (Topic.GROUND_PIXEL, Topic.AREA, Topic.PRECISION)
-"""What is answered in lengths."""
 
 
 @dataclass(frozen=True)
@@ -195,8 +193,6 @@ def _answers(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts) ->
     reference = given.get(Topic.REFERENCE, "")
     given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
     given[Topic.TIME] = _time(run)
-    if lengths := next((reports[kind].lengths for kind, _ in stages if kind in reports and reports[kind].lengths), ""):
-        given |= {topic: f"{given[topic]} ({lengths})" for topic in IN_LENGTHS if topic in given}
     yield from ((str(topic), given.get(topic, NOT_DETERMINED)) for topic in Topic)
 
 

@@ -10,12 +10,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
+from orthomill.pipeline.report.numbers import number_text
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.raster import NO_UNIT
 from orthomill.schemas.stage_report import StageReport, report_table
 
 _METRES = re.compile(r"(?<=\d)([ \u202f\u00a0])m(?![\w²³/])")
 """a number of metres in a sentence"""
+_AREA = re.compile(r"(\d+(?:\.\d+)?)[ \u202f\u00a0](ha|km²)(?!\w)")
+_SQUARE_METRES = {"ha": 1e4, "km²": 1e6}
+UNITS = "units"
+"""what lengths of a block without scale are in"""
 
 
 def present_reports(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> dict[str, StageReport]:
@@ -41,4 +45,8 @@ def _without_metres(value: Any) -> Any:
     # A topic is a text as well, and stays what it is.
     if type(value) is not str:
         return value
-    return NO_UNIT if value == "m" else _METRES.sub(r"\1units", value)
+    return UNITS if value == "m" else _METRES.sub(rf"\1{UNITS}", _AREA.sub(_square_units, value))
+
+
+def _square_units(area: re.Match[str]) -> str:
+    return f"{number_text(round(float(area[1]) * _SQUARE_METRES[area[2]]))} square {UNITS}"

@@ -75,12 +75,12 @@ def block_answers(facts: Facts) -> Iterator[Answer]:
     yield Answer(topic=Topic.PHOTOGRAPHS, text=f"all {given}" if used == given else f"{used} of {given}")
     pixel, found = ground_pixel(facts), accuracy(facts.ground.of_role("check"))
     if pixel:
-        yield Answer(topic=Topic.GROUND_PIXEL, text=f"{length(pixel)} in the photographs")
+        yield Answer(topic=Topic.GROUND_PIXEL, text=f"{_length(pixel, facts)} in the photographs")
     yield Answer(topic=Topic.ACCURACY_PLAN, text=_checked(found.plan, found.points) if found else UNCHECKED)
     yield Answer(topic=Topic.ACCURACY_HEIGHT, text=_checked(found.height, found.points) if found else UNCHECKED)
     if sigmas := _sigmas(facts):
-        plan, height = sigmas
-        yield Answer(topic=Topic.PRECISION, text=f"{length(plan)} in plan, {length(height)} in height (standard error of a point)")
+        plan, height = (_length(sigma, facts) for sigma in sigmas)
+        yield Answer(topic=Topic.PRECISION, text=f"{plan} in plan, {height} in height (standard error of a point)")
     yield Answer(topic=Topic.REFERENCE, text=_heights(facts.block.crs))
 
 
@@ -149,6 +149,11 @@ def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, co
         f"Accuracy at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}; with "
         f"{largest:.1f} ground pixels {reached}{formal}."
     )
+
+
+def _length(metres: float, facts: Facts) -> str:
+    # A thousandth of a unit that is no metre has no name; what is called m here is told in units of the block.
+    return f"{metres:.3g} m" if _is_unscaled(facts) else length(metres)
 
 
 def length(metres: float) -> str:

@@ -4,6 +4,7 @@ import pytest
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun
 from orthomill.pipeline.report.first_page import NOT_DETERMINED, first_page
+from orthomill.pipeline.report.present_reports import in_own_lengths
 from orthomill.schemas.stage_report import Answer, Product, StageReport, Topic, Verdict
 
 STAGES = (("simulation", "Simulated"), ("orientation", "Orientation"), ("texture", "Orthoimage"))
@@ -106,6 +107,6 @@ def test_a_part_of_a_run_names_its_doubts(tmp_path):
 def test_lengths_without_a_scale_are_told_as_such(tmp_path):
     block = StageReport(lengths="no metres", answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.6 m"),))
     later = StageReport(answers=(Answer(topic=Topic.AREA, text="2 ha"), Answer(topic=Topic.ORTHOIMAGE, text="shows all")))
-    answers = dict(page({"orientation": block, "texture": later}, folder=tmp_path).answers)
-    assert answers[Topic.GROUND_PIXEL] == "0.6 m (no metres)" and answers[Topic.AREA] == "2 ha (no metres)"
+    answers = dict(page(in_own_lengths({"orientation": block, "texture": later}), folder=tmp_path).answers)
+    assert answers[Topic.GROUND_PIXEL] == "0.6 units" and answers[Topic.AREA] == "20\u202f000 square units"
     assert answers[Topic.ORTHOIMAGE] == "shows all" and answers[Topic.PRECISION] == NOT_DETERMINED

@@ -1,6 +1,6 @@
 """Metres are told only where lengths are metres."""
 
-from orthomill.pipeline.report.present_reports import in_own_lengths
+from orthomill.pipeline.report.present_reports import UNITS, in_own_lengths
 from orthomill.schemas.raster import NO_UNIT, MapGrid, map_raster
 from orthomill.schemas.stage_report import Answer, Figure, Picture, StageReport, Topic, Verdict
 
@@ -10,7 +10,7 @@ METRES = StageReport(
         Figure(name="x", value=1, unit="mm", sentence=""),
     ),
     pictures=(Picture(title="Heights", raster="densification/height", style="ramp", unit="m", caption="12 m to 18\u202fm, 3 m2"),),
-    answers=(Answer(topic=Topic.HEIGHTS, text="to 0.069 m among their neighbours, 5 mm in images"),),
+    answers=(Answer(topic=Topic.HEIGHTS, text="to 0.069 m among their neighbours, 5 mm in images, 2.26 ha"),),
     verdict=Verdict(level="fair", sentence="An error of 0.4 m, 11 m wide."),
 )
 
@@ -21,11 +21,13 @@ def test_from_the_block_without_scale_on_there_are_no_metres():
     assert list(shown) == ["calibration", "orientation", "densification"] and shown["calibration"] == METRES
     for kind in ("orientation", "densification"):
         report = shown[kind]
-        assert [figure.unit for figure in report.figures] == [NO_UNIT, "mm"]
-        assert report.figures[0].sentence == "Spread of 0.07 units." and report.pictures[0].unit == NO_UNIT
+        assert [figure.unit for figure in report.figures] == [UNITS, "mm"]
+        assert report.figures[0].sentence == "Spread of 0.07 units." and report.pictures[0].unit == UNITS
         assert report.pictures[0].caption == "12 units to 18\u202funits, 3 m2"
         assert report.answers[0].topic is Topic.HEIGHTS
-        assert report.answers[0].text == "to 0.069 units among their neighbours, 5 mm in images"
+        assert report.answers[0].text == "to 0.069 units among their neighbours, 5 mm in images, 22,600 square units".replace(
+            ",600", "\u202f600"
+        )
         assert report.verdict.sentence == "An error of 0.4 units, 11 units wide."
 
 
