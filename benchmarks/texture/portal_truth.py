@@ -1,8 +1,9 @@
 """The front of the portal beside its truth, with and without what the method has against errors (`make bench-texture`).
 
 A case is the portal of a seed at a reduced size, rendered here (orientation errors of a good block are added), or a finished run at
-full size, with the orientation that it found: `python -m benchmarks.texture.portal_truth runs/portal`. Judged are places that two
-photographs or more truly see, people and leaves apart:
+full size, with the orientation that it found: `python -m benchmarks.texture.portal_truth runs/portal` writes
+`benchmarks/results/portal_full_size.md`; with `released` behind it only the front is judged that the run itself made. Judged are
+places that two photographs or more truly see, people and leaves apart:
 
 - PSNR after a linear fit of each channel: exposure is not the subject;
 - shift: phase correlation of windows of 64 pixels with structure;
@@ -18,6 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from benchmarks.measured_run import machine, write_result
 from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.camera import BrownLens
@@ -102,6 +104,12 @@ def of_run(folder: Path) -> PortalCase:
     mesh = read_mesh(folder / "photographs" / "scan.ply")
     true, pixel = portal_block(block.crs), 6.0 / front.shape[0]
     return PortalCase(pictures, block, true, mesh, front, whole(TRUTH_FRONT_DEPTH), whole(TRUTH_FRONT_VISIBILITY), pixel)
+
+
+def made_by_run(folder: Path) -> np.ndarray:
+    """The front (rows, cols, 4) of a finished run."""
+    store = Store(folder)
+    return store.read("projection/front/ortho", Window(0, 0, *store.spec("projection/front/ortho").shape[:2]))
 
 
 def projected(case: PortalCase, remedy: dict[str, Any]) -> np.ndarray:
@@ -215,5 +223,29 @@ def portal_rows() -> list[str]:
     return HEAD + [row for seed in SEEDS for row in case_rows(rendered(seed, REDUCTION), f"seed {seed}, 1:{REDUCTION:g}")]
 
 
+def run_rows(folder: Path, released: bool) -> list[str]:
+    """The table of a finished run at full size: the front that it made, and unless `released` those of all remedies."""
+    case = of_run(folder)
+    own = _row("full size: as the run made it", judged(made_by_run(folder), case))
+    return [*HEAD, own] if released else [*HEAD, own, *case_rows(case, "full size")]
+
+
+def main(folder: Path, released: bool) -> None:
+    """Write the page of a finished run."""
+    lines = [
+        "# The portal at full size",
+        "",
+        f"`make project=portal run`, then `python -m benchmarks.texture.portal_truth runs/portal{' released' if released else ''}`"
+        f"; {machine()}. Wanted: 0.3 px or less at 95 % (`portal_shift.md` says where the rest comes from), double textures 0.05 % "
+        "or less.",
+        "",
+        *run_rows(folder, released),
+    ]
+    write_result("portal_full_size", "\n".join(lines) + "\n")
+
+
 if __name__ == "__main__":
-    print("\n".join(HEAD + case_rows(of_run(Path(sys.argv[1])), "full size") if len(sys.argv) > 1 else portal_rows()))
+    if len(sys.argv) > 1:
+        main(Path(sys.argv[1]), "released" in sys.argv[2:])
+    else:
+        print("\n".join(portal_rows()))

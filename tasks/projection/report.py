@@ -28,6 +28,8 @@ COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (
 """Red 0, green 1, blue 2, grey 3 or more photographs (Petsa et al. 2007, Fig. 22)."""
 PICTURED = 6
 """photographs whose depths the report shows"""
+_ROUGH = 1.25
+"""gradient energy from which a picture shows more than the photograph itself: finer photographs, or wrong edges"""
 _UNRELATED, _SMALL = 14.0, 0.02
 """dB of photographs made again from the others below which they show different things; part of the photographs that is too little
 for a surface that they were taken of"""
@@ -141,10 +143,11 @@ def _verdict(totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...
 
 def _sharpness(energy: float) -> str:
     """What a share of the gradient energy of photographs means, in plain words."""
-    if energy >= _SHARP:
-        return "as sharp as they were taken"
     # The energy goes with the square of the differences, which are what one sees.
-    return f"blurred: {100 * np.sqrt(energy):.0f} % of the contrast between neighbouring pixels is left"
+    contrast = f"{100 * np.sqrt(energy):.0f} % of the contrast between neighbouring pixels"
+    if energy > _ROUGH:
+        return f"rougher than they were taken, with {contrast}: others show more, or edges of the surface are wrong"
+    return "as sharp as they were taken" if energy >= _SHARP else f"blurred: {contrast} is left"
 
 
 def _unrelated(compared: tuple[LeftOutPhotograph, ...]) -> bool:

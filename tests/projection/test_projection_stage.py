@@ -18,6 +18,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.blending import RESERVE
 from orthomill.tasks.projection.projection_colours import ZONE_WORTH, fading, reserved
 from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.report import projection_report
 from orthomill.tasks.projection.sight_rasters import sight_tile
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.sight import PlaceSight
@@ -290,6 +291,29 @@ def test_a_surface_in_another_unit_is_doubted_where_photographs_still_meet_it(fa
 def test_the_right_surface_is_not_doubted(plain):
     report = plain.tables["projection/report.json"]
     assert report.verdict.level == "good" and not any("unit" in warning for warning in report.warnings)
+
+
+@pytest.mark.parametrize(
+    ("energy", "words"),
+    [
+        (0.98, "as sharp as they were taken"),
+        (0.64, "blurred: 80 % of the contrast between neighbouring pixels is left"),
+        (1.44, "rougher than they were taken, with 120 % of the contrast between neighbouring pixels: others show more, or edges"),
+    ],
+)
+def test_the_verdict_tells_sharpness_in_plain_words(plain, energy, words):
+    """The square root of the gradient energy is what one sees."""
+    compared = tuple(
+        one.model_copy(update={"blended": one.blended.model_copy(update={"gradient": energy})})
+        for one in (plain.tables[f"projection/left_out_{number}.json"] for number in range(4))
+    )
+    facts, statistics = (
+        next(job for job in stage().plan(plain) if isinstance(job, Job) and job.item == "report").params,
+        [table for path, table in plain.tables.items() if "/statistics/" in path],
+    )
+    tables = {name: plain.tables[f"projection/{name}.json"] for name in ("census", "facing", "radiometry")}
+    report = projection_report(**tables, statistics=tuple(statistics), left_out=compared, textures=(), **facts)
+    assert report.verdict.sentence.partition("; ")[2].startswith(f"photographs made again from the others are {words}")
 
 
 def test_section_lines_are_exported_in_two_formats():
