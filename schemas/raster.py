@@ -46,6 +46,12 @@ class Window:
         bottom, right = min(self.row + self.height, shape[0]), min(self.col + self.width, shape[1])
         return Window(row, col, max(bottom - row, 0), max(right - col, 0))
 
+    def overlap(self, other: "Window") -> "Window":
+        """What both have in common; empty where they do not meet."""
+        row, col = max(self.row, other.row), max(self.col, other.col)
+        bottom, right = min(self.row + self.height, other.row + other.height), min(self.col + self.width, other.col + other.width)
+        return Window(row, col, max(bottom - row, 0), max(right - col, 0))
+
     def within(self, outer: "Window") -> "Window":
         """The same pixels, counted from the corner of a window that holds them: their place in an array of `outer`."""
         return Window(self.row - outer.row, self.col - outer.col, self.height, self.width)

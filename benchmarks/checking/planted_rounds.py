@@ -35,7 +35,7 @@ from orthomill.schemas.truth import OPEN_MATERIALS, TRUTH_GRID, TRUTH_MATERIAL, 
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.imagery.resampling import between
 
-HEIGHTS, RADII = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0), {60: 1, 40: 1, 25: 2, 15: 3, 10: 4, 6: 4, 3: 4}
+HEIGHTS, RADII = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0), {60: 1, 40: 1, 25: 2, 15: 3, 9: 4, 6: 4, 3: 4}
 """m; cells, and how many bumps of each height and sign"""
 SIDES = 1100, 1400
 """cells of the part that is checked, in the middle of the surface"""

@@ -15,6 +15,7 @@ from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
 from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted_trend, is_judged, suspicious_areas
 from orthomill.tasks.dsm_check.correction_map import detectable_error
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
+from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
 from orthomill.tasks.dsm_check.report_rounds import (
     beyond_warning,
     check_evidence,
@@ -66,7 +67,7 @@ class Blocks:
     tolerance: float | None = None
     """m: the error that the survey allows"""
     wide: float | None = None
-    """m: width from which on an error is seen whole: that of two windows"""
+    """m: width from which on an error is seen: that of the ground of which one correction is made"""
 
 
 class Reported(NamedTuple):
@@ -87,11 +88,12 @@ def report(
     keeps: bool = True,
     last_round: int = 1,
     level: SurfaceTrend | None = None,
+    bends: PairBends = NO_BENDS,
 ) -> Reported:
     """Figures, tables, histogram, maps and warnings from the counts of all tiles and the coarse raster (rows, cols, 5).
 
     rounds: what each did. shift: of a surface from a file, which was raised by so many m before the check; keeps: whether the
-    corrected surface keeps it; level: the plane that is in none of the corrections.
+    corrected surface keeps it; level: the plane that is in none of the corrections; bends: of the pairs.
     """
     total = added([tile.dh for tile in tiles])
     whole = summarised(total, pairs.pixel_height)
@@ -116,6 +118,7 @@ def report(
         figures=_figures(
             _cell_values(tiles, whole, pairs)
             | {"detectable": _known(detectable), "detectable_width": blocks.wide}
+            | {"bend": _known(bends.error * pairs.pixel_height) if len(pairs.pairs) > 1 else None}
             | relief_values(tiles)
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
@@ -202,7 +205,8 @@ _FIGURES = (
         "m",
         "Smallest error that would have been found with 95 %, in half of the checked blocks; of narrower ones only a part is seen.",
     ),
-    ("detectable_width", "m", "Width from which on that holds: two windows of the matching."),
+    ("bend", "m", "Error that orientation and lens leave all over a pair, from pairs that overlap: in all standard errors."),
+    ("detectable_width", "m", "Width from which on that holds: that of the ground from which one correction is made."),
     ("checked", "%", "Share of the measured cells that could be checked."),
     ("shown", "%", "Share of the measured cells that both photographs of a pair show: no others could be checked."),
     ("checked_of_shown", "%", "Share of these that could be checked."),

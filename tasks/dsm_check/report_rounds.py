@@ -16,6 +16,8 @@ _SURE = 4.0
 """standard errors from which a shift is told as a fact"""
 _DATUM = 3.0
 """m: a shift in height beyond it is rather another height system than an error"""
+_NO_DATUM = 200.0
+"""m: no two height systems differ by so much; the sea lies 106 m below to 85 m above the ellipsoid"""
 
 Values = dict[str, float | int | None]
 
@@ -45,7 +47,7 @@ def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
     kept = "it was taken out" if removed else "the corrected surface keeps it, and all errors are told relative to it"
     if abs(shift.up) > _SURE * shift.up_sigma and shift.up_sigma > 0:
         side = "above" if shift.up > 0 else "below"
-        datum = "; so much is rather another height system than an error" if abs(shift.up) > _DATUM else ""
+        datum = _cause(abs(shift.up))
         yield (
             f"The surface as a whole lies {abs(shift.up):.3f} m {side} the photographs (standard error {shift.up_sigma:.3f} "
             f"m){datum}; "
@@ -60,6 +62,18 @@ def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
             f"{abs(shift.north):.2f} m too "
             f"far {'north' if shift.north > 0 else 'south'} (standard error {max(shift.plan_sigma):.2f} m); {done}."
         )
+
+
+def _cause(up: float) -> str:
+    """What a shift of so many metres is rather than an error of the surface."""
+    if up > _NO_DATUM:
+        return (
+            "; no two height systems differ by so much: the photographs do not lie where their block says, or their camera "
+            "constant is wrong (a nominal one from EXIF tags is an estimate), and then nothing here speaks of the surface"
+        )
+    if up > _DATUM:
+        return "; so much is rather another height system, or a camera constant that does not fit the block, than an error"
+    return ""
 
 
 def corrections_rms(coarse: np.ndarray) -> float | None:

@@ -27,6 +27,7 @@ from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, choose_checked_pairs
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
+from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
 from orthomill.tasks.dsm_check.rounds.finish import Finish
@@ -246,10 +247,11 @@ class DsmCheckStage(Stage):
     def _one_pass(self, passes: Passes) -> Iterator[RasterSpec | Job]:
         one, rule = passes.main(INPUT), passes.rule()
         yield from one.jobs()
+        yield from one.bends()
         yield from self._answer_rasters(passes)
         for tile in passes.tiles():
             windows, near = one.near(tile.window)
-            reads: Reads = {"heights": Raster(INPUT, tile.window), "nodes": near, **passes.codes(tile.window)}
+            reads: Reads = {"heights": Raster(INPUT, tile.window), "nodes": near, "bends": BENDS, **passes.codes(tile.window)}
             yield Job(
                 self.kind,
                 "answer",
@@ -305,7 +307,9 @@ class DsmCheckStage(Stage):
     def _report(self, passes: Passes, reads: Reads, params: dict[str, Any]) -> Job:
         grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
         shape = tuple(-(-side // size) for side in grid.shape)
-        wide = 2 * passes.main("").nodes.window * grid.cell
+        # A window around every node that the plane of a cell is fitted to: narrower errors lie in a part of that only.
+        nodes = passes.main("").nodes
+        wide = (nodes.window + 2 * nodes.radius) * grid.cell
         what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance, wide)
         tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
         coarse = Raster(COARSE, Window(0, 0, *shape))
@@ -314,7 +318,7 @@ class DsmCheckStage(Stage):
             self.kind,
             "report",
             report,
-            {"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, **reads},
+            {"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, "bends": BENDS, **reads},
             writes,
             {"blocks": what, **params},
             scratch=400 * shape[0] * shape[1],

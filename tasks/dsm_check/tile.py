@@ -26,7 +26,7 @@ from orthomill.tasks.dsm_check.correction_map import (
     share_applied,
     without_spikes,
 )
-from orthomill.tasks.dsm_check.joint_correction import ALONE, PairGeometry, correlations, joint
+from orthomill.tasks.dsm_check.joint_correction import ALONE, NO_BENDS, PairBends, PairGeometry, joint, shared_noise
 from orthomill.tasks.dsm_check.nodes import OUTCOME, node_offset
 from orthomill.tasks.dsm_check.statistics import TileCounts, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
@@ -101,16 +101,17 @@ def correct_tile(
     nodes: tuple[np.ndarray, ...] = (),
     provenance: np.ndarray | None = None,
     shape: tuple[int, int] | None = None,
+    bends: PairBends = NO_BENDS,
 ) -> CheckedCells:
     """The checked cells of `window`.
 
     heights: (window.shape) m, of the surface under test. nodes: one array (rows, cols, bands) for each of `pairs`. provenance:
     uint8 (window.shape) codes of the heights; None where all count as measured. shape: of the whole surface; None where the cells
-    around the window are not asked.
+    around the window are not asked. bends: what the cells of a pair have in common.
     """
     # Whether a cell stands alone is seen by the cells around the tile.
     wide = window.grown(TOGETHER - 1).clipped(shape) if shape else window
-    says = joint_nodes(wide, pairs, rule.nodes, nodes)
+    says = joint_nodes(wide, pairs, rule.nodes, nodes, bends=bends)
     inside = window.within(wide).slices
     wrong = clearly_wrong(says.found, rule.significance)[inside]
     own = JointNodes(CorrectionMap(says.found.dh[inside], says.found.sigma[inside]), says.disputed[inside], says.clean)
@@ -157,13 +158,15 @@ def joint_nodes(
     grid: CorrectionNodes,
     nodes: tuple[np.ndarray, ...],
     trend: SurfaceTrend | None = None,
+    bends: PairBends = NO_BENDS,
 ) -> JointNodes:
     """What all pairs together say of the cells of `window`; nodes: one array (rows, cols, bands) for each of `pairs`; trend: what
-    is no error of single cells."""
+    is no error of single cells; bends: standard errors that the cells of a pair share."""
     clean = tuple(without_spikes(one) for one in nodes)
     points = [node_points(one, (pair.given.row, pair.given.col), grid) for one, pair in zip(clean, pairs, strict=True)]
     maps = [interpolate(of_pair, window, grid) for of_pair in points]
-    found, disputed = joint(maps, window.shape, correlations([pair.geometry for pair in pairs]))
+    bent = bends.of([pair.pair for pair in pairs])
+    found, disputed = joint(maps, window.shape, shared_noise([pair.geometry for pair in pairs]), bent)
     if trend is not None:
         found = CorrectionMap(found.dh - trend.at(window), found.sigma)
     return JointNodes(found, disputed, clean)
@@ -176,9 +179,10 @@ def blocks_of_nodes(
     size: int,
     heights: np.ndarray,
     nodes: tuple[np.ndarray, ...] = (),
+    bends: PairBends = NO_BENDS,
 ) -> np.ndarray:
     """`areas.blocks` (rows, cols, 3) of `size` cells of what all pairs say of the surface with these heights (window.shape) m."""
-    found = joint_nodes(window, pairs, grid, nodes).found
+    found = joint_nodes(window, pairs, grid, nodes, bends=bends).found
     dh, sigma = (np.where(np.isfinite(heights), band, np.float32(np.nan)) for band in (found.dh, found.sigma))
     return blocks(dh, sigma, size)
 

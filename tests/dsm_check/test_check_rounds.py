@@ -14,7 +14,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import CORRECTED, CheckCode, Surface
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
-from orthomill.tasks.dsm_check.joint_correction import EVERYWHERE, PairGeometry, correlations, joint
+from orthomill.tasks.dsm_check.joint_correction import EVERYWHERE, PairGeometry, joint, shared_noise
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
@@ -116,7 +116,7 @@ EASTWARD, NORTHWARD = (1.0, 0.0), (0.0, 1.0)
 
 def test_pairs_that_agree_are_more_precise_than_one_but_no_independent_observations():
     one, other = PairGeometry("a", "b", EASTWARD), PairGeometry("c", "d", EASTWARD)
-    found, disputed = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), correlations([one, other]))
+    found, disputed = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), shared_noise([one, other]))
     expected = 0.1 * np.sqrt((1 + EVERYWHERE) / 2)
     assert found.dh[0, 0] == pytest.approx(0.1) and found.sigma[0, 0] == pytest.approx(expected) and not disputed.any()
 
@@ -131,15 +131,16 @@ def test_pairs_err_alike_as_far_as_their_bases_run_alike_from_a_common_photograp
     ]
     moved = {name: np.random.default_rng(number).normal(0, 0.1, (100_000, 2)) for number, name in enumerate("abcd")}
     shifts = [(moved[pair.right] - moved[pair.left]) @ np.array(pair.direction) for pair in pairs]
-    alike = np.maximum(np.corrcoef(shifts), 0.0)
-    np.testing.assert_allclose(correlations(pairs), EVERYWHERE + (1 - EVERYWHERE) * alike, atol=0.015)
+    alike = np.corrcoef(shifts)
+    np.testing.assert_allclose(shared_noise(pairs), EVERYWHERE + (1 - EVERYWHERE) * alike, atol=0.015)
 
 
-def test_pairs_in_a_row_are_independent_and_no_better():
-    row = [PairGeometry("a", "b", EASTWARD), PairGeometry("b", "c", EASTWARD)]
-    found, _ = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), correlations(row))
-    expected = 0.1 * np.sqrt((1 + EVERYWHERE) / 2)
-    assert found.sigma[0, 0] == pytest.approx(expected)
+def test_the_noise_of_pairs_in_a_row_corrects_itself_and_their_bends_do_not():
+    row = shared_noise([PairGeometry("a", "b", EASTWARD), PairGeometry("b", "c", EASTWARD)])
+    noise, _ = joint([cells(0.1, 0.1), cells(0.1, 0.1)], (1, 1), row)
+    assert noise.sigma[0, 0] == pytest.approx(0.1 * np.sqrt((1 + EVERYWHERE - (1 - EVERYWHERE) / 2) / 2))
+    bent, _ = joint([cells(0.1, 1e-6), cells(0.1, 1e-6)], (1, 1), row, np.array([0.1, 0.1]))
+    assert bent.sigma[0, 0] == pytest.approx(0.1 / np.sqrt(2))
 
 
 def test_of_three_pairs_the_one_that_contradicts_is_left_out():

@@ -21,10 +21,11 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
-from orthomill.tasks.dsm_check.report_rounds import relief_values, tolerance_values
+from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 
@@ -310,3 +311,16 @@ def test_what_no_two_photographs_show_is_told_apart_from_what_could_not_be_judge
     values = figures(found)
     assert (values["checked"], values["shown"], values["checked_of_shown"]) == (40.0, 50.0, 80.0)
     assert "40 % of the measured heights (80 % of those that two photographs show)" in found.verdict.sentence
+
+
+@pytest.mark.parametrize(
+    ("up", "words"),
+    [
+        (0.5, "photographs (standard error 0.010 m); the corrected"),
+        (40.0, "another height system"),
+        (1874.0, "no two height systems"),
+    ],
+)
+def test_a_shift_is_told_with_what_it_can_come_from(up, words):
+    (told,) = shift_warnings(SurfaceShift(up=up, up_sigma=0.01, blocks=100), removed=False)
+    assert words in told and ("camera constant" in told) == (up > 3)

@@ -92,8 +92,8 @@ def test_the_report_says_it_in_words():
     near = [s for s in report.warnings if f"X {EAST + 50:.0f}"[:7] in s and "too high" in s]
     assert near or any("too high" in s for s in report.warnings)
     assert (
-        figures["detectable_width"] == pytest.approx(2 * 11 * GRID.cell)
-        and "m, 13 m wide or more, would" in report.verdict.sentence
+        figures["detectable_width"] == pytest.approx((11 + 2 * 6) * GRID.cell)
+        and "m, 14 m wide or more, would" in report.verdict.sentence
     )
     (evidence,) = report.evidence
     assert evidence.products == ("products/dsm.tif",) and evidence.of == "height" and 0.5 < evidence.rmse < 1.5

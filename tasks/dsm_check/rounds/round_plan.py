@@ -8,16 +8,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from orthomill.schemas.epipolar import grey_table
-from orthomill.schemas.job import Job, Raster, Region
+from orthomill.schemas.job import Job, Raster, Region, Table
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
-from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, ground_pixel
+from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CheckedPair, CheckedPairs, ground_pixel
 from orthomill.tasks.dsm_check.height_correction import Correction
-from orthomill.tasks.dsm_check.joint_correction import PairGeometry
+from orthomill.tasks.dsm_check.joint_correction import BENDS, PairGeometry
 from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
+from orthomill.tasks.dsm_check.precision.pair_bends import TilePairs, compare_pairs, pair_bends
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.tile import NodeWindow
 from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
@@ -188,6 +189,16 @@ class CheckRound:
             col=tile.col,
             scratch=seen.height * seen.width * (8 + 45 * factor**2),
         )
+
+    def bends(self) -> Iterator[Job]:
+        """By how much the pairs bend against each other."""
+        tables = []
+        for tile in tiles_of(self.grid.shape, self.tile):
+            windows, near = self.near(tile.window)
+            tables.append(Table(f"dsm_check/apart/{tile.row}-{tile.col}.json", TilePairs))
+            params = {"pairs": windows, "grid": self.nodes, "pixel_height": self.pairs.pixel_height}
+            yield Job(KIND, "pairs-apart", compare_pairs, {"nodes": near}, {"apart": tables[-1]}, params, tile.row, tile.col)
+        yield Job(KIND, "bends", pair_bends, {"tiles": tuple(tables), "pairs": CHECKED_PAIRS}, {"bends": BENDS})
 
     def near(self, window: Window) -> tuple[tuple[NodeWindow, ...], tuple[Raster, ...]]:
         """The nodes of all pairs in and around a tile: counted over the whole surface, and as regions of the pairs' rasters."""

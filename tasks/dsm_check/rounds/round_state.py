@@ -17,6 +17,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.surface import ESTIMATED, CheckCode
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes, corrected_heights, share_applied
+from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
 from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend
@@ -151,9 +152,10 @@ def judge_again(
     block: int,
     nodes: tuple[np.ndarray, ...] = (),
     trend: SurfaceTrend | None = None,
+    bends: PairBends = NO_BENDS,
 ) -> CorrectedAgain:
-    """What a later pass says of a small tile; active: (rows, cols) uint8 of its blocks; trend: what is no error of single cells."""
-    found = joint_nodes(window, pairs, grid, nodes, trend).found
+    """What a later pass says of a small tile; active: (rows, cols) uint8 of its blocks; trend and bends as in `joint_nodes`."""
+    found = joint_nodes(window, pairs, grid, nodes, trend, bends).found
     looked = _cells(active, block, window.shape)
     return CorrectedAgain(*(np.where(looked, band, np.float32(np.nan)) for band in (found.dh, found.sigma)))
 
@@ -265,14 +267,15 @@ def judge(
     second_nodes: tuple[np.ndarray, ...] = (),
     wide: Window | None = None,
     trend: SurfaceTrend | None = None,
+    bends: PairBends = NO_BENDS,
 ) -> FirstJudged:
     """The first pass over a tile of the surface, and over the second one where there is one; arguments as in `correct_tile`. With a
     second surface, it and the heights are given in `wide`, two cells more to every side."""
     undecided = np.zeros(window.shape, np.bool_)
     if second is None or wide is None:
-        says = joint_nodes(window, pairs, rule.nodes, nodes, trend)
+        says = joint_nodes(window, pairs, rule.nodes, nodes, trend, bends)
     else:
-        says, heights, undecided = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes), trend)
+        says, heights, undecided = _two_looks(window, wide, pairs, rule, (heights, second), (nodes, second_nodes), trend, bends)
     # What is wrong beyond doubt is told at the end, of the sum of all passes.
     cells = answered(window, pairs, rule, heights, says, np.zeros(window.shape, np.bool_), provenance)
     change = np.nan_to_num(cells.height - heights)
@@ -301,10 +304,11 @@ def _two_looks(
     heights: tuple[np.ndarray, np.ndarray],
     nodes: tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]],
     trend: SurfaceTrend | None,
+    bends: PairBends,
 ) -> tuple[JointNodes, np.ndarray, np.ndarray]:
     """What both surfaces say of `window`, its heights, and cells (bool) of which they say different things; heights and nodes: of
     the surface under test and of the second one."""
-    looks = [Look(h, joint_nodes(wide, pairs, rule.nodes, n, trend), n) for h, n in zip(heights, nodes, strict=True)]
+    looks = [Look(h, joint_nodes(wide, pairs, rule.nodes, n, trend, bends), n) for h, n in zip(heights, nodes, strict=True)]
     both = better_of(looks[0], looks[1], wide, pairs, rule.nodes, rule.significance)
     inside = window.within(wide).slices
     own = CorrectionMap(both.found.dh[inside], both.found.sigma[inside])

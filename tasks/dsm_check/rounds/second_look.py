@@ -84,7 +84,7 @@ def _seen_well(nodes: tuple[np.ndarray, ...], wide: Window, pairs: tuple[NodeWin
     matched, shown = np.zeros(wide.shape, np.uint8), np.zeros(wide.shape, np.uint8)
     for pair, one in zip(pairs, nodes, strict=True):
         outcome, cells = np.nan_to_num(one[..., OUTCOME]), pair.given.scaled(grid.step)
-        both = _common(cells, wide)
+        both = cells.overlap(wide)
         for total, counts in ((matched, outcome == Outcome.CONVERGED), (shown, ~np.isin(outcome, _UNTRIED))):
             total[both.within(wide).slices] += np.repeat(np.repeat(counts, grid.step, 0), grid.step, 1)[both.within(cells).slices]
     return np.asarray((matched > 0) & (matched >= np.minimum(shown, _WITNESSES)))
@@ -113,19 +113,12 @@ def _gain(
     for pair, one, other in zip(pairs, given, second, strict=True):
         better = (_fit(other, np.nan) - _fit(one, _MATCHES)) * np.sqrt(max(pixels - 3, 1) / 2)
         cells = pair.given.scaled(grid.step)
-        both = _common(cells, wide)
+        both = cells.overlap(wide)
         values = np.repeat(np.repeat(better, grid.step, 0), grid.step, 1)[both.within(cells).slices]
         known, inside = np.isfinite(values), both.within(wide).slices
         total[inside] += np.where(known, values, 0.0)
         number[inside] += known
     return np.where(number > 0, total / np.maximum(number, 1), np.nan)
-
-
-def _common(one: Window, other: Window) -> Window:
-    """The cells of both windows, which overlap."""
-    row, col = max(one.row, other.row), max(one.col, other.col)
-    bottom = min(one.row + one.height, other.row + other.height)
-    return Window(row, col, bottom - row, min(one.col + one.width, other.col + other.width) - col)
 
 
 def _fit(nodes: np.ndarray, hidden: float) -> np.ndarray:

@@ -17,6 +17,7 @@ from orthomill.schemas.surface import PROVENANCE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.correction_map import TOGETHER
 from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE, CheckedPairs
+from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
     FINER_HALO,
@@ -222,6 +223,7 @@ class Passes:
         yield from one.jobs()
         if twice:
             yield from other.jobs()
+        yield from one.bends()
         if not self.measured:
             yield from self._trend(one)
         yield from self._state_rasters(1, disputed=True)
@@ -229,7 +231,7 @@ class Passes:
             windows, near = one.near(tile.window)
             params: dict[str, Any] = {"window": tile.window, "pairs": windows, "rule": rule}
             reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, **self.codes(tile.window)}
-            reads |= self._of_trend
+            reads |= {"bends": BENDS, **self._of_trend}
             if twice:
                 wide = tile.window.grown(2).clipped(self.surface.grid.shape)
                 reads |= {"heights": Raster("dsm_check/input", wide), "second": Raster(SECOND, wide)}
@@ -249,7 +251,7 @@ class Passes:
         yield RasterSpec(name=_FIRST_BLOCKS, shape=(*shape, 3), dtype="float32", chunk=self.tile // size)
         for tile in self.tiles():
             windows, near = one.near(tile.window)
-            reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near}
+            reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, "bends": BENDS}
             out: dict[str, Raster | Table] = {"coarse": Raster(_FIRST_BLOCKS, coarser(tile.window, size))}
             params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "size": size}
             yield Job(KIND, "trend-blocks", blocks_of_nodes, reads, out, params, tile.row, tile.col, _scratch(tile))
@@ -292,7 +294,7 @@ class Passes:
                     KIND,
                     what,
                     judge_again,
-                    {"active": active, "nodes": near, **self._of_trend},
+                    {"active": active, "nodes": near, "bends": BENDS, **self._of_trend},
                     out,
                     params,
                     tile.row,
