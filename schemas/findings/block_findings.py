@@ -148,6 +148,20 @@ class ConstantContradicted(_Finding):
     """nothing gave the value: no tag told a focal length"""
 
 
+class LensContradicted(_Finding):
+    """The block contradicts the radial distortion that was given and held."""
+
+    code: Literal["lens_contradicted"] = "lens_contradicted"
+    camera: str
+    given: tuple[float, ...]
+    fits: tuple[float, ...]
+    """k1 and, where the lens has it, k2"""
+    border_px: float
+    """by which the other distortion moves the border of the frame, less a scale"""
+    ratio: float
+    """length of the change in standard errors"""
+
+
 class ConstantNominal(_Finding):
     """A nominal camera constant kept its value, and its uncertainty reached the heights."""
 
@@ -173,6 +187,9 @@ class ImageErrorsCorrelated(_Finding):
 
     code: Literal["image_errors_correlated"] = "image_errors_correlated"
     rms_px: float
+    """of a coordinate over the frame, what the unknowns absorb included: an estimate from the part that the residuals show"""
+    shown_px: float | None = None
+    """of a coordinate, the part that the residuals show"""
     camera_share: float
     """the part of the variance that all photographs of a camera have in common"""
     # The parameter that loses most, as an example: the loss differs between parameters, and one factor for all would mislead.
@@ -350,6 +367,7 @@ BlockFinding = Annotated[
     | InteriorFixed
     | InteriorUnweighted
     | ConstantContradicted
+    | LensContradicted
     | ConstantNominal
     | PrincipalPointMoved
     | ImageErrorsCorrelated

@@ -44,10 +44,12 @@ BLOCK_VALUES = {
         "fixed": False,
         "guessed": True,
     },
+    "lens_contradicted": {"camera": "n", "given": (-0.1, 0.02), "fits": (-0.08, 0.01), "border_px": 3.4, "ratio": 12.0},
     "constant_nominal": {"camera": "n", "c": 3500.0, "share": 0.03, "guessed": False},
     "principal_point_moved": {"camera": "n", "moved_px": 90.0},
     "image_errors_correlated": {
         "rms_px": 0.4,
+        "shown_px": 0.1,
         "camera_share": 0.8,
         "parameter": "c",
         "owner": "n",

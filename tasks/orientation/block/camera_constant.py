@@ -22,7 +22,7 @@ from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED, NotConverged
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.testing.covariances import covariance_of
+from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of
 from orthomill.tasks.orientation.block.self_calibration import all_fixed
 
 DETERMINED = 3.0
@@ -178,14 +178,22 @@ def with_free_constants(network: Network, cameras: np.ndarray) -> Network:
 def _step_if_free(result: Adjustment, cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(C,) how far the constants would move in one Gauss-Newton step if they were free, and the standard errors of these steps, px;
     0 and inf where they are not determined."""
-    network, state = with_free_constants(result.network, cameras), result.state
-    linear = linearised(network, state, replace(result.rays, sigma=result.ray_sigma).take(result.used))
+    network = with_free_constants(result.network, cameras)
     try:
-        cofactor = covariance_of(network, state, linear)
+        step, cofactor = step_in(network, result)
     except GeometryError:
         return np.zeros(len(cameras)), np.full(len(cameras), np.inf)
-    pattern, column = cofactor.blocks.pattern, network.interior_columns[:, 0]
+    column, sigma = network.interior_columns[:, 0], np.sqrt(np.maximum(cofactor.variances, 0.0))
+    return np.where(cameras, step[column], 0.0), np.where(cameras, sigma[column], np.inf)
+
+
+def step_in(network: Network, result: Adjustment) -> tuple[np.ndarray, Covariance]:
+    """The Gauss-Newton step (n,) from a result in a network with more unknowns than its own, and their covariance. Raises
+    GeometryError where these are not determined."""
+    state = result.state
+    linear = linearised(network, state, replace(result.rays, sigma=result.ray_sigma).take(result.used))
+    cofactor = covariance_of(network, state, linear)
+    pattern = cofactor.blocks.pattern
     # The given values pull with their own weights, as in the adjustment that would follow.
     right = reduced_normals(linear, pattern).right + add_prior(network, state, BlockMatrix.zero(pattern))
-    step, sigma = cofactor.times(right[:, None])[:, 0], np.sqrt(np.maximum(cofactor.variances, 0.0))
-    return np.where(cameras, step[column], 0.0), np.where(cameras, sigma[column], np.inf)
+    return cofactor.times(right[:, None])[:, 0], cofactor

@@ -49,6 +49,7 @@ def _notable(
     return (
         ImageErrorsCorrelated(
             rms_px=errors.rms_px,
+            shown_px=_shown_px(white, errors),
             camera_share=errors.share,
             parameter=parameter,
             owner=owner,
@@ -56,6 +57,12 @@ def _notable(
             white_sigma=float(small[worst]),
         ),
     )
+
+
+def _shown_px(result: Adjustment, errors: CorrelatedErrors) -> float:
+    """Root mean square of a coordinate of what the fields explain of the residuals, px."""
+    residual = result.residual[result.used]
+    return float(np.sqrt(max(1.0 - errors.white, 0.0) * np.mean(residual**2)))
 
 
 def _unknowns(problem: Problem, result: Adjustment) -> dict[int, tuple[str, str]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit
+from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit, InteriorFixed
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
@@ -36,6 +36,7 @@ from orthomill.tasks.orientation.block.assembly import (
 from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
+from orthomill.tasks.orientation.block.lens_test import contradicted_lenses
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
@@ -310,8 +311,11 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
 
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
     unknown = unweighted(have.material.cameras, have.choices.interior)
-    of_cameras = (_told_of_guess(have, finding) for finding in tested.findings)
-    findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras)
+    of_cameras = [_told_of_guess(have, finding) for finding in tested.findings]
+    # Interior orientations that could not be adjusted are told as such: nothing more is known of them.
+    undetermined = any(isinstance(finding, InteriorFixed) for finding in of_cameras)
+    lenses = () if undetermined else contradicted_lenses(tested.result, attempt.problem.camera_names)
+    findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras, *lenses)
     datum = _explained_datum(attempt.datum, tested)
     return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart)
 

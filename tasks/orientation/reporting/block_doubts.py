@@ -13,6 +13,7 @@ from orthomill.schemas.findings.block_findings import (
     DatumMisfit,
     DistortionFolds,
     GroupsUnconnected,
+    LensContradicted,
     LooksUpward,
     NoDatum,
     PositionsElsewhere,
@@ -34,6 +35,7 @@ GRAVE = (
     GroupsUnconnected,
     BlockSeparate,
     ConstantContradicted,
+    LensContradicted,
     DistortionFolds,
     TiltUnobserved,
 )

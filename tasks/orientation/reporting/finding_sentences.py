@@ -29,6 +29,7 @@ from orthomill.schemas.findings.block_findings import (
     InteriorUndetermined,
     InteriorUnweighted,
     LargestReconstruction,
+    LensContradicted,
     LooksUpward,
     MeasurementsRejected,
     Misfit,
@@ -47,6 +48,8 @@ from orthomill.tasks.orientation.start.up_direction import SENTENCES
 
 MOSTLY_CAMERA = 0.5
 """From this share of their variance on, correlated image errors are attributed to the camera, below it to single photographs."""
+HIDDEN = 2.0
+"""Displacements so many times what the residuals show of them are told with that part."""
 KILOMETRE = 1000.0
 OPEN_DEG = np.degrees(1.0)
 """A tilt with a larger standard error is called undetermined: linearised angles mean nothing there."""
@@ -202,6 +205,20 @@ def _digits(sigma: float) -> str:
 
 
 @finding_sentence.register
+def lens_contradicted(finding: LensContradicted) -> str:
+    names = ("k1", "k2")[: len(finding.fits)]
+    given, fits = (
+        ", ".join(f"{n} = {v:.3g}" for n, v in zip(names, values, strict=True)) for values in (finding.given, finding.fits)
+    )
+    return (
+        f"The block contradicts the distortion of {finding.camera}: {given} was given and held, about {fits} fits, which moves the "
+        f"border of the frame by {finding.border_px:.1f} px ({finding.ratio:.0f} standard errors). Heights bend over the block. "
+        "Look for the lens, focus, zoom or lens model of another calibration, or let the distortion take part (interior: {kind: "
+        "free})."
+    )
+
+
+@finding_sentence.register
 def constant_nominal(finding: ConstantNominal) -> str:
     what = "guessed, as no tag tells it" if finding.guessed else "nominal, from EXIF"
     return (
@@ -227,10 +244,16 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
         if finding.camera_share >= MOSTLY_CAMERA
         else "mostly different in each photograph"
     )
+    # Residuals of a tenth of a pixel beside displacements of a whole one look like a mistake of the report.
+    what = (
+        f"whole regions of a photograph are displaced by {finding.rms_px:.2f} px on average, {whose}"
+        if finding.shown_px is None or finding.rms_px < HIDDEN * finding.shown_px
+        else f"residuals of whole regions of a photograph are alike by {finding.shown_px:.2f} px, {whose}, and are what is left of "
+        f"displacements by about {finding.rms_px:.2f} px, most of which the orientation and the camera can absorb"
+    )
     return (
-        f"Correlated image errors: whole regions of a photograph are displaced by {finding.rms_px:.2f} px on average, {whose}. The "
-        f"standard errors include them: {finding.parameter} of {finding.owner} is known to {finding.sigma:.2g}, not to "
-        f"{finding.white_sigma:.2g}. Calibrate the camera, or turn some photographs by 90 degrees."
+        f"Correlated image errors: {what}. The standard errors include them: {finding.parameter} of {finding.owner} is known to "
+        f"{finding.sigma:.2g}, not to {finding.white_sigma:.2g}. Calibrate the camera, or turn some photographs by 90 degrees."
     )
 
 

@@ -48,12 +48,22 @@ SPOKEN = [
         f.ConstantContradicted(camera="cam", given_px=800.0, adjusted_px=1597.4, sigma_px=12.3, fixed=True),
         ["standard error 12 px", "but the workflow fixes it"],
     ),
+    (
+        f.LensContradicted(camera="cam", given=(-0.1, 0.02), fits=(-0.083, 0.011), border_px=3.41, ratio=12.3),
+        ["k1 = -0.1, k2 = 0.02 was given", "about k1 = -0.083, k2 = 0.011 fits", "by 3.4 px (12 standard errors)"],
+    ),
     (f.ConstantNominal(camera="cam", c=1165.0, share=0.03), ["(nominal, from EXIF, 1165 px, within 3 %)", "three control points"]),
     (f.ConstantNominal(camera="cam", c=1165.0, share=0.25, guessed=True), ["(guessed, as no tag tells it, 1165 px, within 25 %)"]),
     (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
         ["0.71 px on average", "mostly alike", "c of cam is known to 6, not to 1.5"],
+    ),
+    (
+        f.ImageErrorsCorrelated(
+            rms_px=0.79, shown_px=0.04, camera_share=0.8, parameter="y0", owner="cam", sigma=24.0, white_sigma=1.1
+        ),
+        ["alike by 0.04 px, mostly alike in all", "displacements by about 0.79 px", "can absorb", "known to 24, not to 1.1"],
     ),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.2, parameter="Z", owner="a", sigma=6.0, white_sigma=1.5),
