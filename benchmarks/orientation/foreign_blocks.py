@@ -53,6 +53,7 @@ SOURCES = {
     "herz_jesu_8": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/Herz-Jesus-P8/images",
     "hill_side": "tmizu23/cesium_oppaiyama, images",
     "hilti": "borglab/gtsfm, tests/data/hilti_exp4_small/images",
+    "house": "yyfz/Pi3, examples/house (one photograph a room)",
     "kermit": "snavely/bundler_sfm, examples/kermit",
     "lund_door": "hkaiyu/structure-from-motion, dataset/erik/erik_3/images",
     "lund_eight": "hkaiyu/structure-from-motion, dataset/erik/erik_6/images",
@@ -69,11 +70,13 @@ SOURCES = {
     "reichstag": "borglab/gtsfm, tests/data/imb_reichstag/images",
     "rock": "NLeSC/structure-from-motion, examples/rock",
     "rock_section": "NLeSC/structure-from-motion, examples/rock-section",
+    "room": "yyfz/Pi3, examples/room/rgb",
     "sacre_coeur": "cvg/Hierarchical-Localization, datasets/sacre_coeur/mapping",
     "sample_mvs": "cdcseacave/openMVS_sample, images",
     "sceaux": "openMVG/ImageDataset_SceauxCastle, images",
     "seneca": "OpenDroneMap/odm_data_seneca, images",
     "snowpeak": "OpenDroneMap-ja/odm_data_snowpeak, img",
+    "valley": "yyfz/Pi3, examples/valley",
 }
 """Where blocks come from: public repositories, folder; all of their photographs that a clone holds, in the order of their names."""
 REDUCED = "Photographs with a longer side of more than 1380 px were reduced to 1200 px (Lanczos, EXIF kept)."
@@ -118,8 +121,9 @@ def row_of(folder: Path) -> Row:
         run = orthomill(root, "run", "block", "--until", "orientation")
         cpu = cpu_of_children() - before
         if run.code:
-            failed = [line for line in run.output.splitlines() if "failed" in line or "rror" in line]
-            return Row(folder.name, photos, cpu=cpu, said=" ".join((failed or [run.output])[-1].split())[:WIDEST])
+            # The sentence on the first job that failed; what follows says that the project is not complete.
+            failed = [line for line in run.output.splitlines() if line.startswith("failed ")] or run.output.splitlines()[-1:]
+            return Row(folder.name, photos, cpu=cpu, said=" ".join(failed[0].split())[:WIDEST] if failed else "")
         return _oriented(Row(folder.name, photos, cpu=cpu), root / "runs" / "block")
 
 

@@ -16,7 +16,7 @@ from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.distortion import BROWN, DIVISION, LENS, LensNumbers, lens_partials, undistort_point
 from orthomill.tasks.orientation.block.camera_constant import step_in
 
-RADIAL = (INTERIOR.index("k1"), INTERIOR.index("k2"))
+RADIAL = np.array([INTERIOR.index("k1"), INTERIOR.index("k2")])
 """The first two coefficients: with more of them free the border would follow the noise."""
 CONTRADICTED = 25.0
 """Squared length of the step in its standard errors: five of them, as for camera constants. Lenses depart from every model."""
