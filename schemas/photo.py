@@ -51,6 +51,8 @@ class Photo(BaseModel):
     """Its pixels were rotated in the file and EXIF undoes it: upright, it has the orientation of the sensor."""
     camera: str
     """Photographs with the same name here share one interior orientation, that of the sensor."""
+    original: tuple[int, int] | None = None
+    """width and height, upright, that the camera wrote by its tags, where the file was reduced afterwards"""
     focal_mm: float | None = None
     focal_35mm: float | None = None
     pixel_um: float | None = None

@@ -60,6 +60,22 @@ class PhotographsAbsent(BaseModel):
     """control and check points that are measured in absent photographs only, and were left out"""
 
 
+# People reduce photographs and keep the list that was measured in the originals.
+class MeasurementsOfOriginals(BaseModel):
+    """Control measurements were read as pixels of the photographs before these were reduced."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["measurements_of_originals"] = "measurements_of_originals"
+    measurements: int
+    outside: int
+    """how many of them lie outside of the photographs as they are"""
+    original: tuple[int, int]
+    reduced: tuple[int, int]
+    """width and height of one of the photographs before and after, px"""
+
+
 ControlFinding = Annotated[
-    HeightsNotTransformed | ControlElsewhere | HeightsAllZero | PhotographsAbsent, Field(discriminator="code")
+    HeightsNotTransformed | ControlElsewhere | HeightsAllZero | PhotographsAbsent | MeasurementsOfOriginals,
+    Field(discriminator="code"),
 ]

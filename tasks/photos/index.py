@@ -35,6 +35,7 @@ _STRAY_KM, _STRAY_SHARE = 1.0, 20.0
 # m: photographs that are farther than this from all others show other ground, from whatever height they were taken: one for mapping
 # from an airliner is 20 km wide.
 _APART = 50_000.0
+_SAME_SHAPE = 0.01  # part by which the sides of a reduced photograph may be reduced differently: they are rounded to pixels
 _FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 
@@ -70,6 +71,7 @@ def photo_from_header(header: Header) -> Photo:
         decoding=header.decoding,
         exif_orientation=orientation,
         camera=_camera_name(header, orientation),
+        original=_original(header, orientation),
         focal_mm=exif.positive(tags, "FocalLength"),
         focal_35mm=exif.positive(tags, "FocalLengthIn35mmFilm"),
         pixel_um=_pixel_um(header),
@@ -80,6 +82,18 @@ def photo_from_header(header: Header) -> Photo:
         attitude=exif.gimbal_attitude(tags),
         levels=level_count((rows, cols)),
     )
+
+
+def _original(header: Header, orientation: int) -> tuple[int, int] | None:
+    """Width and height, upright, before the file was reduced, by its tags; None where it was not, or was cut as well."""
+    written = exif.positive(header.tags, "PixelXDimension"), exif.positive(header.tags, "PixelYDimension")
+    if written[0] is None or written[1] is None:
+        return None
+    along, across = written[0] / header.width, written[1] / header.height
+    if along <= 1.0 or abs(across / along - 1.0) > _SAME_SHAPE:
+        return None
+    height, width = upright_shape(orientation, round(written[1]), round(written[0]))
+    return width, height
 
 
 def index_photos(

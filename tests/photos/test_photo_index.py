@@ -290,3 +290,20 @@ def test_the_sigma_of_gps_is_that_of_the_setting():
 def test_a_small_picture_is_refused_with_its_size():
     with pytest.raises(PhotoError, match=r"a.jpg is only 60 x 2250 pixels, too small for a photograph \(at least 64 are needed\)"):
         photos_of((header(width=60),), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("size", "flag", "original"),
+    [
+        ((6000, 4000), "1", None),
+        ((1500, 1000), "1", (6000, 4000)),
+        ((1500, 1000), "6", (4000, 6000)),
+        ((1500, 1001), "1", (6000, 4000)),
+        ((1500, 1200), "1", None),
+        ((6100, 4067), "1", None),
+    ],
+    ids=["as written", "reduced", "turned", "rounded", "cut", "enlarged"],
+)
+def test_the_size_before_a_reduction_is_that_of_the_tags(size, flag, original):
+    tags = {"EXIF_PixelXDimension": "6000", "EXIF_PixelYDimension": "4000", "EXIF_Orientation": flag}
+    assert photo_from_header(header(tags=tags, width=size[0], height=size[1])).original == original

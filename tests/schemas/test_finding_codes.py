@@ -83,6 +83,7 @@ CONTROL_VALUES = {
     "heights_not_transformed": {"crs": "EPSG:2100+5773"},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
     "heights_all_zero": {"points": 5},
+    "measurements_of_originals": {"measurements": 9, "outside": 8, "original": (4032, 3024), "reduced": (1200, 900)},
     "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},
 }
 UNIONS = {"block": (BlockFinding, BLOCK_VALUES, block_findings), "control": (ControlFinding, CONTROL_VALUES, control_findings)}

@@ -14,6 +14,7 @@ from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, t
 from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
+from orthomill.tasks.orientation.control.reduced_photographs import read_in_frame
 
 _FAR = 10.0
 """Control is on another site when it is farther from the photographs than this multiple of their extent plus flying height."""
@@ -28,7 +29,10 @@ def control_from_files(
 ) -> Control:
     """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same); `absent`: whether
     measurements in photographs that the project does not have are skipped. Raises WorkflowError."""
-    return _in_project(read_control(photos, points, measurements, distances, absent), photos, own or crs, crs)
+    found, photos, of_originals = read_in_frame(
+        photos, lambda frame: read_control(frame, points, measurements, distances, absent), lambda control: control
+    )
+    return _in_project(_with(found, of_originals), photos, own or crs, crs)
 
 
 def control_from_scans(
@@ -48,10 +52,14 @@ def control_from_scans(
 
 def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs: str) -> Control:
     """Control from a GCP list in the project's system `crs`. Raises WorkflowError."""
-    found = read_gcp_list(photos, text, source)
+    found, photos, of_originals = read_in_frame(photos, lambda frame: read_gcp_list(frame, text, source), lambda read: read.control)
     # Refuses an unknown system even where the list holds no surveyed point that would need it.
     survey_crs(found.crs)
-    return _in_project(found.control, photos, found.crs, crs)
+    return _in_project(_with(found.control, of_originals), photos, found.crs, crs)
+
+
+def _with(control: Control, findings: tuple[ControlFinding, ...]) -> Control:
+    return control.model_copy(update={"findings": (*control.findings, *findings)})
 
 
 def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:

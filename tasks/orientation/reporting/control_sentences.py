@@ -1,7 +1,13 @@
 """Findings about control in words."""
 
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsAllZero, PhotographsAbsent
+from orthomill.schemas.findings.control_findings import (
+    ControlElsewhere,
+    ControlFinding,
+    HeightsAllZero,
+    MeasurementsOfOriginals,
+    PhotographsAbsent,
+)
 
 GEOGRAPHIC = "EPSG:4326"
 
@@ -21,11 +27,20 @@ def control_sentence(finding: ControlFinding) -> str:
             "the block is tilted and put to heights that are not its own. Give them, or state a standard error of the heights (100 "
             "m) that says that they are unknown."
         )
+    if isinstance(finding, MeasurementsOfOriginals):
+        (width, height), (now_width, now_height) = finding.original, finding.reduced
+        return (
+            f"{finding.outside} of {finding.measurements} control measurements lie outside of the photographs, but all of them "
+            f"inside of the originals, which were reduced ({width} x {height} to {now_width} x {now_height} px by their tags): "
+            "they were read as pixels of the originals. Compare one with its photograph."
+        )
     return f"Heights of control points were not transformed: only {finding.crs} defines a vertical datum."
 
 
 def is_grave(finding: ControlFinding) -> bool:
     """Whether the block lacks what its user relies on; measurements of points that others measure as well are no such loss."""
+    if isinstance(finding, MeasurementsOfOriginals):
+        return False
     return not isinstance(finding, PhotographsAbsent) or bool(finding.lost)
 
 

@@ -9,11 +9,7 @@ from orthomill.schemas.camera import BrownLens, Camera, DivisionLens, FisheyeLen
 from orthomill.schemas.findings.block_findings import LensContradicted
 from orthomill.tasks.geometry.view import View
 
-LENSES = {
-    "brown": BrownLens(k1=-0.12, k2=0.03),
-    "fisheye": FisheyeLens(k1=0.02, k2=-0.004),
-    "division": DivisionLens(k1=-0.08),
-}
+LENSES = {"brown": BrownLens(k1=-0.12, k2=0.03), "fisheye": FisheyeLens(k1=0.02, k2=-0.004), "division": DivisionLens(k1=-0.08)}
 
 
 def found(lens, given, seed=1):
