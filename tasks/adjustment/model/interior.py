@@ -49,7 +49,7 @@ GUESSED = 0.2
 
 def is_guessed(camera: Camera) -> bool:
     """Whether nothing gave the camera constant: no tag told a focal length."""
-    return camera.source == "exif" and camera.covariance is not None and camera.covariance[0][0] > (GUESSED * camera.c) ** 2
+    return camera.covariance is not None and camera.covariance[0][0] > (GUESSED * camera.c) ** 2
 
 
 def camera_covariance(camera: Camera) -> np.ndarray:
