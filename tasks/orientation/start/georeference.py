@@ -23,6 +23,7 @@ from orthomill.schemas.findings.block_findings import (
 )
 from orthomill.schemas.raster import NO_UNIT
 from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.orientation.start.dominant_plane import dominant_plane
 from orthomill.tasks.orientation.start.similarity import (
     Similarity,
     VerticalityConstraint,
@@ -285,13 +286,13 @@ def _free(model: State, known: Known, origin: np.ndarray | None, approximate: tu
     if origin is not None:
         similarity, what = Similarity(1.0, np.eye(3), np.zeros(3)), "place, direction and scale are those of the given orientation"
     else:
-        rotation, height = _upright(model)
+        rotation, height, stands = _upright(model, known.top)
         similarity = Similarity(scale or 100.0 / max(abs(height), 1e-9), rotation, np.zeros(3))
         what = (
             "place and direction are arbitrary"
             if scale
             else ("place, direction and scale are arbitrary (the cameras are put 100 units above the ground)")
-        )
+        ) + stands
     count = len(known.distances)
     scaled = f"; {count} measured distance{'s give' if count > 1 else ' gives'} the scale" if length else ""
     if share is not None:
@@ -321,14 +322,20 @@ def own_system(scaled: bool) -> str:
     )
 
 
-def _upright(model: State) -> tuple[np.ndarray, float]:
-    """A rotation (3, 3) that makes the mean viewing direction vertical, and the height of the cameras above the ground."""
-    up = _mean_up(model)
+def _upright(model: State, top: np.ndarray) -> tuple[np.ndarray, float, str]:
+    """A rotation (3, 3) that makes vertical what is across the plane that the photographs show, or else their mean axis; the height
+    of the cameras above the ground, and what they stand on in words. `top` (P, 3) as in Known."""
+    axis = _mean_up(model)
+    ground = model.point[np.isfinite(model.point).all(axis=1)]
+    centre = model.centre.mean(axis=0)
+    rows = np.einsum("pij,pi->pj", model.rotation, np.cross(top, DOWN))
+    found = dominant_plane(ground, axis, rows)
+    up = axis if found is None else found
     east = model.centre[-1] - model.centre[0]
     east = east - up * (east @ up)
     east = east / max(float(np.linalg.norm(east)), 1e-12)
-    ground = model.point[np.isfinite(model.point).all(axis=1)]
-    return np.stack([east, np.cross(up, east), up]), float(np.median((model.centre.mean(axis=0) - ground) @ up))
+    stands = "" if found is None else ", up is across the plane that most tie points lie near"
+    return np.stack([east, np.cross(up, east), up]), float(np.median((centre - ground) @ up)), stands
 
 
 def _scale_of_distances(known: Known) -> float | None:
