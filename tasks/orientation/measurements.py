@@ -20,10 +20,9 @@ def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[R
     tracks, point = np.unique(tie_points.track[order], return_inverse=True)
     photo = tie_points.photo[order].astype(np.int32)
     pixels = np.column_stack([tie_points.col[order], tie_points.row[order]])
-    xy = np.empty_like(pixels)
-    for number in np.unique(photo):
-        own = photo == number
-        xy[own] = centred(cameras.of(photos.names[number]), pixels[own])
+    # As `centred`, for all photographs at once.
+    middle = np.array([((camera.width - 1) / 2, (camera.height - 1) / 2) for camera in map(cameras.of, photos.names)])
+    xy = (pixels - middle[photo]) * [1.0, -1.0]
     # A standard error of zero would give a measurement infinite weight.
     return Rays(point.astype(np.int32), photo, xy, np.maximum(tie_points.sigma[order].astype(np.float64), 1e-3)), tracks
 

@@ -14,6 +14,7 @@ from orthomill.schemas.observations import TiePointCounts, TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
@@ -94,6 +95,7 @@ def measure(points: TiePoints, photos: Photos) -> Strength:
     _, block = connected_components(coo_array(shared >= _WEAK // 2), directed=False)
     frame = np.array([(photo.width, photo.height) for photo in photos.photos])
     cell = np.clip(np.column_stack([points.col, points.row]) / frame[points.photo] * _CELLS, 0, _CELLS - 1).astype(int)
+    rows = rows_of_photos(points.photo, count)
     filled = np.unique(np.column_stack([points.photo, cell]), axis=0)[:, 0]
     return Strength(
         observations=observations,
@@ -101,7 +103,7 @@ def measure(points: TiePoints, photos: Photos) -> Strength:
         coverage=np.bincount(filled, minlength=count) / _CELLS**2,
         block=np.where(observations > 0, block, -1),
         rays=np.bincount(points.track),
-        evenness=np.array([distribution_index(points.take(points.photo == number), size) for number, size in enumerate(frame)]),
+        evenness=np.array([distribution_index(points.take(own), size) for own, size in zip(rows, frame, strict=True)]),
     )
 
 

@@ -14,6 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.tie_points.match_records import Features, Links, MatchCounts, Observations, PairMatches, PairSummary
 
 
@@ -67,8 +68,7 @@ def build_tracks(
     photo = nodes.photo[node]
     reference = _references(nodes, node, track, np.array(sizes, dtype=float))
     found: dict[str, Links | Observations] = {"links": _links(photo, track, reference, conflicts)}
-    for number, own in enumerate(places):
-        here = photo == number
+    for number, (own, here) in enumerate(zip(places, rows_of_photos(photo, len(places)), strict=True)):
         found[observation_key(number)] = _observations(own.first, node[here] - nodes.starts[number], track[here], reference)
     return found
 

@@ -25,6 +25,7 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.solve.mixed_model import MixedSolution, solve_mixed
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import tie_rays
 from orthomill.tasks.orientation.relative.pairs import common_rays, ideal_coordinates
 from orthomill.tasks.orientation.relative.relative_forms import (
@@ -114,7 +115,8 @@ def _observations(block: Block, photos: Photos, tie_points: TiePoints, names: tu
     mine = tie_points.take(np.isin(tie_points.photo, numbers))
     cameras = Cameras(cameras=block.cameras, of_photo=block.of_photo)
     rays, _ = tie_rays(photos, cameras, mine)
-    both = common_rays(rays, *numbers)
+    of_photo = rows_of_photos(rays.photo, len(photos.names))
+    both = common_rays(rays, *(of_photo[number] for number in numbers))
     if len(both[0]) < 6:
         raise GeometryError(
             f"{names[0]} and {names[1]} share {len(both[0])} tie points; a relative orientation needs six, so name two neighbours."

@@ -13,6 +13,7 @@ from orthomill.schemas.orientation import RelativeOrientation, RelativeOrientati
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, tie_rays
 from orthomill.tasks.orientation.relative.pure_rotation import PureRotation, pure_rotation
 from orthomill.tasks.orientation.relative.relative_orientation import Relative, epipolar_distance, model_points, orient_robust
@@ -52,12 +53,19 @@ def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least:
     if upright.anything:
         photos, cameras, tie_points = upright.sensor_photos(), upright.sensor_cameras(), upright.sensor_ties(tie_points)
     names = photos.names
-    pairs = [(names[i], names[j]) for i, j in sharing_pairs(tie_rays(photos, cameras, tie_points)[0], len(names), least)]
+    number = {name: i for i, name in enumerate(names)}
+    # The coordinates from the image centre are those of any interior orientation; ideal ones are not.
+    rays, _ = tie_rays(photos, cameras, tie_points)
+    of_photo = rows_of_photos(rays.photo, len(names))
+    pairs = [(names[i], names[j]) for i, j in sharing_pairs(rays, len(names), least)]
 
     def relate(own: Cameras, chosen: list[tuple[str, str]]) -> list[RelativeOrientation]:
-        rays, _ = tie_rays(photos, own, tie_points)
         coordinates = ideal_coordinates(photos, own, rays)
-        return [_relate(photos, own, rays, coordinates, (names.index(left), names.index(right))) for left, right in chosen]
+        found = []
+        for pair in chosen:
+            left, right = (of_photo[number[name]] for name in pair)
+            found.append(_relate(pair, own, rays, coordinates, common_rays(rays, left, right)))
+        return found
 
     found = relate(cameras, pairs)
     distorted = start_distortion(cameras, found, relate)
@@ -74,10 +82,9 @@ def no_pairs() -> RelativeOrientations:
 def ideal_coordinates(photos: Photos, cameras: Cameras, rays: Rays) -> np.ndarray:
     """Ideal image coordinates (M, 2) of rays, in units of c."""
     out = np.empty_like(rays.xy)
-    for number in np.unique(rays.photo):
-        own = rays.photo == number
+    for name, own in zip(photos.names, rows_of_photos(rays.photo, len(photos.names)), strict=True):
         # In units of c, because the two photographs of a pair may come from cameras of different size.
-        out[own] = ideal(cameras.of(photos.names[number]), rays.xy[own])
+        out[own] = ideal(cameras.of(name), rays.xy[own])
     return out
 
 
@@ -91,17 +98,19 @@ def sharing_pairs(rays: Rays, photos: int, least: int) -> list[tuple[int, int]]:
     )
 
 
-def common_rays(rays: Rays, left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the rays of all points that two photographs share, in the same order."""
-    a, b = np.flatnonzero(rays.photo == left), np.flatnonzero(rays.photo == right)
-    _, i, j = np.intersect1d(rays.point[a], rays.point[b], return_indices=True)
-    return a[i], b[j]
+def common_rays(rays: Rays, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the rays of all points that two photographs share, in the same order; `left`, `right`: indices of the rays of
+    each."""
+    # A point has one ray in a photograph at most.
+    _, i, j = np.intersect1d(rays.point[left], rays.point[right], assume_unique=True, return_indices=True)
+    return left[i], right[j]
 
 
-def _relate(photos: Photos, cameras: Cameras, rays: Rays, coordinates: np.ndarray, pair: tuple[int, int]) -> RelativeOrientation:
-    """The relative orientation of one pair of photo numbers, or the row that says why there is none."""
-    names = photos.names[pair[0]], photos.names[pair[1]]
-    a, b = common_rays(rays, *pair)
+def _relate(
+    names: tuple[str, str], cameras: Cameras, rays: Rays, coordinates: np.ndarray, common: tuple[np.ndarray, np.ndarray]
+) -> RelativeOrientation:
+    """The relative orientation of one pair by its `common` rays, or the row that says why there is none."""
+    a, b = common
     shared = len(a)
     seen = (np.abs(np.hstack([coordinates[a], coordinates[b]])) < FARTHEST_SEEN).all(axis=1)
     a, b = a[seen], b[seen]

@@ -43,13 +43,24 @@ def pure_rotation(observations: np.ndarray, c_left: float, c_right: float, thres
 
 def _best_sample(left: np.ndarray, right: np.ndarray, c: float, threshold: float, seed: int) -> np.ndarray:
     """(s,) bool: the matches that agree with the best of the sampled rotations."""
-    rng, best = np.random.default_rng(seed), np.zeros(len(left), bool)
-    for _ in range(SAMPLES):
-        own = rng.choice(len(left), 2, replace=False)
-        kept = _misfit(nearest_rotation(right[own].T @ left[own]), left, right, c) < threshold
-        if kept.sum() > best.sum():
-            best = kept
-    return best
+    rng = np.random.default_rng(seed)
+    own = np.array([rng.choice(len(left), 2, replace=False) for _ in range(SAMPLES)])
+    rotations = np.einsum("nki,nkj->nij", _triads(right[own]), _triads(left[own]))
+    # Cosines of the angles between rotated left rays and right rays, of all samples and matches in one product.
+    cosines = (right[:, :, None] * left[:, None, :]).reshape(-1, 9) @ rotations.reshape(-1, 9).T
+    kept = c * np.sqrt(np.maximum(2.0 - 2.0 * cosines, 0.0)) < threshold
+    return np.asarray(kept[:, kept.sum(axis=0).argmax()])
+
+
+def _triads(pairs: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) orthonormal rows by pairs of unit vectors (n, 2, 3): along their sum, along their difference, across both.
+
+    The rotation between the triads of two pairs is the one nearest to both pairs at once. NaN for a vector twice.
+    """
+    along, apart = pairs[:, 0] + pairs[:, 1], pairs[:, 1] - pairs[:, 0]
+    with np.errstate(invalid="ignore"):
+        along, apart = (axis / np.linalg.norm(axis, axis=1, keepdims=True) for axis in (along, apart))
+    return np.stack([along, apart, np.cross(along, apart)], axis=1)
 
 
 def _misfit(rotation: np.ndarray, left: np.ndarray, right: np.ndarray, c: float) -> np.ndarray:

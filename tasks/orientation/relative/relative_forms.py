@@ -26,13 +26,26 @@ def directions(observations: np.ndarray, c_left: float, c_right: float) -> tuple
     )
 
 
+def products_with(vectors: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Vector products (s, 3) of vectors (s, 3) with one vector (3,)."""
+    # One matrix product: np.cross takes ten times as long for a few hundred vectors.
+    x, y, z = base
+    return vectors @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def products(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Vector products (s, 3) of vectors (s, 3) row by row."""
+    following, preceding = [1, 2, 0], [2, 0, 1]
+    return first[:, following] * second[:, preceding] - first[:, preceding] * second[:, following]
+
+
 def coplanarity(left: np.ndarray, right: np.ndarray, base: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """F = base . (left x R' right); dF/dobservations (s, 4); dF/d(R' right) (s, 3)."""
     turned = right @ R
-    F = np.cross(left, turned) @ base
     # The triple product is cyclic: each vector's derivative is the vector product of the two others.
-    by_left = np.cross(turned, base)
-    by_turned = np.cross(base, left)
+    by_left = products_with(turned, base)
+    by_turned = -products_with(left, base)
+    F = (by_left * left).sum(axis=1)
     return F, np.hstack([by_left[:, :2], (by_turned @ R.T)[:, :2]]), by_turned
 
 

@@ -19,10 +19,18 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.solve.mixed_model import MixedSolution, solve_mixed
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
-from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, coplanarity, directions
+from orthomill.tasks.orientation.relative.relative_forms import (
+    DependentOrientation,
+    coplanarity,
+    directions,
+    products,
+    products_with,
+)
 
 LIMIT = 3.29
 """Matches farther from their epipolar line, in standard errors, are rejected: 0.1 % of correct ones with normal errors."""
+TELLING = 100
+"""Matches, out of those that agree with an essential matrix, that decide which of its four orientations has them in front."""
 FLIP = np.diag([1.0, -1.0, -1.0])
 """Between our image system (y up, looking along -z) and computer vision's (y down, looking along z)."""
 
@@ -52,9 +60,10 @@ class GeneralOrientation:
         """The coplanarity of base and both rays, its derivatives by the unknowns (s, 5) and the observations (s, 4)."""
         left, right = directions(observations, self.c_left, self.c_right)
         F, by_observation, by_turned = coplanarity(left, right, self.base, self.rotation)
-        by_base = np.cross(left, right @ self.rotation) @ self.across.T
-        by_rotation = np.cross(by_turned @ self.rotation.T, right)
-        return F, np.hstack([by_base, by_rotation]), by_observation
+        turned = right @ self.rotation
+        by_base = [(products_with(turned, axis) * left).sum(axis=1) for axis in self.across]
+        by_rotation = products(by_turned @ self.rotation.T, right)
+        return F, np.column_stack([*by_base, by_rotation]), by_observation
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +139,9 @@ def _five_point_start(
             "No relative orientation agrees with six or more of the matches; they are wrong, or the photographs do not overlap."
         )
     # Several solutions come stacked. The first one is taken; recoverPose picks its base and rotation with points in front of both.
-    _, R, t, _ = cv2.recoverPose(essential[:3], left, right, np.eye(3), mask=mask.copy())
+    # It intersects all points four times, where a few tell as much.
+    own = np.flatnonzero(mask)[:: max(1, int(mask.sum()) // TELLING)]
+    _, R, t, _ = cv2.recoverPose(essential[:3], left[own], right[own], np.eye(3))
     rotation = FLIP @ R @ FLIP
     base = -rotation.T @ FLIP @ t[:, 0]
     model = GeneralOrientation(c_left, c_right, base / np.linalg.norm(base), rotation)

@@ -16,6 +16,7 @@ from orthomill.schemas.findings.block_findings import (
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
@@ -146,10 +147,12 @@ def _one_sided(facts: Facts) -> Iterator[str]:
 
 def _photo_warnings(facts: Facts) -> Iterator[str]:
     names, weak = facts.photos.names, []
+    rows = dict(zip(names, rows_of_photos(facts.image.photo, len(names)), strict=True))
     # A fixed block without tie points has no measurements at all, which is reported once and not for every photograph.
     for photo in facts.block.photos if len(facts.image) else ():
         # Used measurements only: rejected ones determine nothing.
-        own = facts.image.take((facts.image.photo == names.index(photo.photo)) & facts.image.used)
+        mine = rows[photo.photo]
+        own = facts.image.take(mine[facts.image.used[mine]])
         filled = filled_areas(own, facts.block.camera_of(photo.photo))
         if len(own) < LEAST_MEASUREMENTS or filled < LEAST_AREAS:
             weak.append(f"{photo.photo} ({len(own)} measurements in {filled} areas)")

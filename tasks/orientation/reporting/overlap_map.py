@@ -45,9 +45,13 @@ def overlap_map(block: Block) -> np.ndarray:
     height, views = block.ground_mean, _views(block)
     outlines = [outline(view, height) for view in views]
     ground = _ground_map(views, outlines)
-    places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)])
-    count = np.sum([view.contains(view.project(places)) for view in views], axis=0)
-    drawn = np.minimum(count, MOST).astype(np.uint8).reshape(SIDE, SIDE)
+    places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)]).reshape(SIDE, SIDE, 3)
+    count = np.zeros((SIDE, SIDE), np.int64)
+    for view, line in zip(views, outlines, strict=True):
+        near = _window(ground, line, view, height)
+        own = places[near]
+        count[near] += view.contains(view.project(own.reshape(-1, 3))).reshape(own.shape[:2])
+    drawn = np.minimum(count, MOST).astype(np.uint8)
     # Drawn over the counts in codes of their own, so that one raster carries the whole map.
     for line in outlines:
         cv2.polylines(drawn, [np.rint(ground.pixels(line)).astype(np.int32)], True, OUTLINE)
@@ -56,6 +60,16 @@ def overlap_map(block: Block) -> np.ndarray:
         col, row = np.rint(ground.pixels(view.centre[None, :2])[0]).astype(int)
         drawn[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] = CENTRE
     return drawn
+
+
+def _window(ground: GroundMap, line: np.ndarray, view: View, height: float) -> tuple[slice, slice]:
+    """The rows and columns of the map that the outline of a photograph surrounds; all where that was cut off far away."""
+    away = np.linalg.norm(line - view.centre[:2], axis=1)
+    if len(line) < 4 * _EDGE or away.max() > 0.999 * _reach(view, height):
+        return slice(0, SIDE), slice(0, SIDE)
+    pixels = ground.pixels(line)
+    (left, top), (right, bottom) = np.floor(pixels.min(axis=0)).astype(int) - 1, np.ceil(pixels.max(axis=0)).astype(int) + 2
+    return slice(max(top, 0), max(bottom, 0)), slice(max(left, 0), max(right, 0))
 
 
 def _views(block: Block) -> list[View]:
@@ -72,10 +86,14 @@ def outline(view: View, height: float) -> np.ndarray:
     border = np.vstack([top, right, bottom, left])
     places = view.at_height(border, height)[:, :2]
     # Shortened along its ray, so that an oblique outline keeps its shape.
-    reach = _FARTHEST * abs(view.centre[2] - height)
+    reach = _reach(view, height)
     offset = places - view.centre[:2]
     places = view.centre[:2] + offset * np.minimum(1.0, reach / np.maximum(np.linalg.norm(offset, axis=1), 1e-9))[:, None]
     return places[np.isfinite(places).all(axis=1)]
+
+
+def _reach(view: View, height: float) -> float:
+    return float(_FARTHEST * abs(view.centre[2] - height))
 
 
 def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:

@@ -7,23 +7,26 @@ nearest tie point does, and is then looked for in all other photographs. What hi
 import numpy as np
 from scipy.spatial import cKDTree
 
-from orthomill.schemas.observations import GroundPoints
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 
 CELLS = 3600
 """Cells of all photographs together: they give a percentage to better than a percent."""
-LEAST_SIDE = 8
+LEAST_SIDE = 3
 """Cells along each side of a photograph at least, however many photographs there are."""
 
 
 def coverage(facts: Facts) -> tuple[float, float]:
     """Percent of the photographed surface that two and three photographs see; 0 where no surface is known."""
+    if not len(facts.points):
+        return 0.0, 0.0
     views = [block_view(facts.block, name) for name in facts.block.names]
+    own_points = _own_points(facts)
     side = max(LEAST_SIDE, round(float(np.sqrt(CELLS / len(views)))))
     places, area = [], []
     for view in views:
-        depth, ground = _cells(view, _own_points(facts, view), side)
+        depth, ground = _cells(view, own_points[view.name], side)
         places.append(ground)
         area.append((depth / view.camera.c) ** 2)
     ground = np.vstack(places)
@@ -35,16 +38,17 @@ def coverage(facts: Facts) -> tuple[float, float]:
     return (100.0 * by_two / seen, 100.0 * by_three / seen) if seen else (0.0, 0.0)
 
 
-def _own_points(facts: Facts, view: View) -> np.ndarray:
-    """(n, 3) m the tie points that a photograph measured; all of the block where it measured none."""
+def _own_points(facts: Facts) -> dict[str, np.ndarray]:
+    """(n, 3) m the tie points that each photograph measured, by its name; all of the block where it measured none."""
     points, image = facts.points, facts.image
-    mine = image.used & (image.photo == facts.photos.names.index(view.name)) & np.isin(image.track, points.track)
-    own = np.isin(points.track, image.track[mine])
-    return _coordinates(points.take(own) if own.any() else points)
-
-
-def _coordinates(points: GroundPoints) -> np.ndarray:
-    return np.column_stack([points.x, points.y, points.z])
+    places = np.column_stack([points.x, points.y, points.z])
+    order = np.argsort(points.track)
+    at = np.searchsorted(points.track, image.track, sorter=order).clip(0, len(order) - 1)
+    row = order[at]
+    used = np.flatnonzero(image.used & (points.track[row] == image.track))
+    parts = rows_of_photos(image.photo[used], len(facts.photos.names))
+    own = {name: row[used[part]] for name, part in zip(facts.photos.names, parts, strict=True)}
+    return {name: places[rows] if len(rows) else places for name, rows in own.items()}
 
 
 def _cells(view: View, points: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:

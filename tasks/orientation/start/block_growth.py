@@ -17,6 +17,7 @@ from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, St
 from orthomill.tasks.adjustment.model.robust_weights import spread
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, with_interior
 from orthomill.tasks.orientation.relative.relative_orientation import FLIP
 from orthomill.tasks.orientation.start.point_consensus import LEAST, PointRays, consensus
@@ -84,6 +85,8 @@ class BlockGrowth:
         self.known = np.zeros(material.points, bool)
         self.good = np.ones(len(self.rays), bool)
         self.attempts: dict[int, str] = {}
+        self.of_photo = rows_of_photos(self.rays.photo, photos)
+        self.first = self.rays.first(material.points)
         self.refresh()
 
     def refresh(self) -> None:
@@ -100,10 +103,20 @@ class BlockGrowth:
         """(M,) bool: rays for which the current distortion can be inverted."""
         return np.isfinite(self.ideal).all(axis=1)
 
-    @property
-    def tolerance(self) -> np.ndarray:
-        """(M,) px: rays with larger residuals are rejected while starting values are approximate."""
-        return np.maximum(4.0, 8.0 * self.rays.sigma) * self.slack
+    def tolerance(self, index: np.ndarray) -> np.ndarray:
+        """(m,) px: rays at `index` with larger residuals are rejected while starting values are approximate."""
+        return np.maximum(4.0, 8.0 * self.rays.sigma[index]) * self.slack
+
+    def beside(self, photo: int) -> np.ndarray:
+        """Ascending indices of all rays of the points that a photograph sees."""
+        point = self.rays.point[self.of_photo[photo]]
+        low, count = self.first[point], np.diff(self.first)[point]
+        return np.repeat(low - np.cumsum(count) + count, count) + np.arange(count.sum())
+
+    def supported(self, index: np.ndarray) -> np.ndarray:
+        """(P,) how many of the rays at `index` every photograph has to known points."""
+        own = index[self.good[index] & self.known[self.rays.point[index]]]
+        return np.bincount(self.rays.photo[own], minlength=len(self.placed))
 
     @property
     def believed(self) -> np.ndarray:
@@ -120,30 +133,29 @@ class BlockGrowth:
         """(m,) px: lengths of the residuals of the rays at `index`."""
         return np.linalg.norm(residuals(self.state, self.rays.take(index), self.material.camera_of), axis=1)
 
-    def triangulate(self) -> None:
-        """Intersects the points that are not known yet and that two or more placed photographs see.
+    def triangulate(self, among: np.ndarray | None = None) -> None:
+        """Intersects the points that are not known yet and that two or more placed photographs see; `among`: ascending indices of
+        all rays of some points (None: all points), where nothing has changed for the others.
 
         A point with three or more rays may lose its worst one, three times at most: a wrong match spoils the point, not the rays.
         """
+        among = np.arange(len(self.rays)) if among is None else among
         for _ in range(3):
-            index = np.flatnonzero(self.good & self.placed[self.rays.photo] & ~self.known[self.rays.point])
-            count = np.bincount(self.rays.point[index], minlength=len(self.known))
-            index = index[count[self.rays.point[index]] >= 2]
+            index = among[self.good[among] & self.placed[self.rays.photo[among]] & ~self.known[self.rays.point[among]]]
+            # `own`: for every ray the row of its point among those that are intersected.
+            point, own, count = np.unique(self.rays.point[index], return_inverse=True, return_counts=True)
+            index, point = index[count[own] >= 2], point[count >= 2]
             if not len(index):
                 return
-            points, wide = self._intersect(index)
-            self.state.point[wide] = points[wide]
-            misfit = self.misfit(index) / self.tolerance[index]
+            _, own, count = np.unique(self.rays.point[index], return_inverse=True, return_counts=True)
+            places, wide = self._intersect(index, own)
+            self.state.point[point[wide]] = places[wide]
+            misfit = self.misfit(index) / self.tolerance(index)
             # The largest residual of each point; with two rays it cannot be said which of them is wrong, so both stay.
-            worst = np.zeros(len(self.known))
-            np.maximum.at(worst, self.rays.point[index], misfit)
-            self.known |= wide & (worst < 1.0)
-            lose = (
-                (misfit == worst[self.rays.point[index]])
-                & (misfit >= 1.0)
-                & (count[self.rays.point[index]] >= 3)
-                & wide[self.rays.point[index]]
-            )
+            worst = np.zeros(len(point))
+            np.maximum.at(worst, own, misfit)
+            self.known[point[wide & (worst < 1.0)]] = True
+            lose = (misfit == worst[own]) & (misfit >= 1.0) & (count[own] >= 3) & wide[own]
             if not lose.any():
                 return
             self.good[index[lose]] = False
@@ -174,7 +186,7 @@ class BlockGrowth:
             self.state.rotation,
             photo,
             self.ideal[index],
-            self.tolerance[index] / c,
+            self.tolerance(index) / c,
         )
 
     def _directions(self, index: np.ndarray) -> np.ndarray:
@@ -183,21 +195,22 @@ class BlockGrowth:
         directions = np.einsum("ni,nij->nj", inward, self.state.rotation[self.rays.photo[index]])
         return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
 
-    def _intersect(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Points (N, 3) nearest to the rays at `index`, and (N,) bool: their rays intersect at LEAST_ANGLE or more."""
-        photo, point = self.rays.photo[index], self.rays.point[index]
+    def _intersect(self, index: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points (n, 3) nearest to the rays at `index`, and (n,) bool: their rays intersect at LEAST_ANGLE or more; `own` (m,): the
+        number of each ray's point, 0 to n - 1."""
+        photo, count = self.rays.photo[index], int(own.max(initial=-1)) + 1
         # Points nearest to their rays in space, and not in the image: the bundle adjustment follows, and this needs no start.
         directions = self._directions(index)
         projector = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-        normal, right, mean = np.zeros((len(self.known), 3, 3)), np.zeros((len(self.known), 3)), np.zeros((len(self.known), 3))
-        np.add.at(normal, point, projector)
-        np.add.at(right, point, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
-        np.add.at(mean, point, directions)
+        normal, right, mean = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+        np.add.at(normal, own, projector)
+        np.add.at(right, own, np.einsum("nij,nj->ni", projector, self.state.centre[photo]))
+        np.add.at(mean, own, directions)
         mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
         # The angle to the mean direction is half of the angle between two rays; for many rays it finds the widest without all
         # pairs.
-        off_axis = np.zeros(len(self.known))
-        np.maximum.at(off_axis, point, np.arccos(np.clip((directions * mean[point]).sum(axis=1), -1, 1)))
+        off_axis = np.zeros(count)
+        np.maximum.at(off_axis, own, np.arccos(np.clip((directions * mean[own]).sum(axis=1), -1, 1)))
         wide = off_axis > 0.5 * LEAST_ANGLE
         points = np.zeros_like(right)
         points[wide] = np.linalg.solve(normal[wide], right[wide][..., None])[..., 0]
@@ -208,18 +221,19 @@ class BlockGrowth:
 
         Where this fails, `attempts` says why.
         """
-        index = np.flatnonzero((self.rays.photo == photo) & self.known[self.rays.point] & self.good)
+        index = self.of_photo[photo]
+        index = index[self.known[self.rays.point[index]] & self.good[index]]
         if len(index) < LEAST_POINTS:
             self.attempts[photo] = f"only {len(index)} of its tie points are known in the block; {LEAST_POINTS} are needed"
             return False
         c = self.state.interior[self.material.camera_of[photo], 0]
-        pose = _resection(self.state.point[self.rays.point[index]], self.ideal[index], float(np.median(self.tolerance[index])) / c)
+        pose = _resection(self.state.point[self.rays.point[index]], self.ideal[index], float(np.median(self.tolerance(index))) / c)
         refusal = self._refusal(index, None if pose is None else pose[2], c)
         if pose is None or refusal:
             self.attempts[photo] = refusal or ""
             return False
         self.place(photo, pose[0], pose[1])
-        self.good[index[self.misfit(index) > self.tolerance[index]]] = False
+        self.good[index[self.misfit(index) > self.tolerance(index)]] = False
         return True
 
     def _refusal(self, index: np.ndarray, agreeing: np.ndarray | None, c: float) -> str | None:
@@ -231,7 +245,7 @@ class BlockGrowth:
             return f"{count} of its {len(index)} tie points with the block agree on one position, which is too few"
         agreed = index[agreeing]
         # Points on one line of the frame fit any rotation about this line.
-        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance[agreed]))):
+        if on_a_line(c * self.ideal[agreed], float(np.median(self.tolerance(agreed)))):
             return (
                 "its tie points with the block lie on one line of its frame, which leaves the rotation about this line "
                 "undetermined; it needs tie points all over its frame"
@@ -261,8 +275,7 @@ class BlockGrowth:
 
     def expel(self) -> None:
         """Removes photographs that see too few known points."""
-        seen = np.bincount(self.rays.photo[self.good & self.known[self.rays.point]], minlength=len(self.placed))
-        self.placed &= seen >= LEAST_POINTS
+        self.placed &= self.supported(np.arange(len(self.rays))) >= LEAST_POINTS
 
     def forget(self, index: np.ndarray) -> None:
         """Rejects the rays at `index` that do not fit, and drops points with fewer than two rays."""
@@ -329,18 +342,29 @@ def _finish(growth: BlockGrowth) -> None:
 
 def _extend(growth: BlockGrowth) -> None:
     """Adds photographs, those that see most known points first, until none can be added."""
-    last = growth.placed.sum()
-    while True:
-        seen = np.bincount(growth.rays.photo[growth.good & growth.known[growth.rays.point]], minlength=len(growth.placed))
-        waiting = np.flatnonzero(~growth.placed & growth.free)
-        added = next((photo for photo in waiting[np.argsort(-seen[waiting], kind="stable")] if growth.resect(int(photo))), None)
-        if added is None:
-            return
-        growth.triangulate()
+    last, everything = growth.placed.sum(), np.arange(len(growth.rays))
+    seen = growth.supported(everything)
+    while (added := _resected(growth, seen)) is not None:
+        photo, before = added
+        # A photograph changes what is known of its own points only: looking at all of them would cost the square of the block.
+        beside = growth.beside(photo)
+        growth.triangulate(beside)
+        seen += growth.supported(beside) - before
         if growth.placed.sum() >= max(GROWN * last, last + 1) or growth.placed[growth.free].all():
             growth.bundle()
             growth.triangulate()
-            last = growth.placed.sum()
+            seen, last = growth.supported(everything), growth.placed.sum()
+
+
+def _resected(growth: BlockGrowth, seen: np.ndarray) -> tuple[int, np.ndarray] | None:
+    """The photograph that was added, of those that wait, the first in the order of known points that it has `seen` (P,); and how
+    many its own points gave to every photograph before. None where none can be added."""
+    waiting = np.flatnonzero(~growth.placed & growth.free)
+    for photo in map(int, waiting[np.argsort(-seen[waiting], kind="stable")]):
+        before = growth.supported(growth.beside(photo))
+        if growth.resect(photo):
+            return photo, before
+    return None
 
 
 def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool) -> Network:

@@ -8,6 +8,7 @@ from simulated_block import DRONE, one_strip, simulate, view
 
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.relative.pairs import chance_agreement, common_rays, no_pairs, relate_pairs, sharing_pairs
 from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 
@@ -26,7 +27,7 @@ def test_pairs_share_at_least_so_many_points(least, pairs):
 
 
 def test_common_rays_belong_to_the_same_points():
-    a, b = common_rays(FEW, 1, 2)
+    a, b = common_rays(FEW, *rows_of_photos(FEW.photo, 3)[1:])
     assert FEW.point[a].tolist() == FEW.point[b].tolist() == [1, 2]
     assert set(FEW.photo[a]) == {1} and set(FEW.photo[b]) == {2}
 

@@ -8,7 +8,15 @@ import pytest
 from orthomill.schemas.orientation import GroundResiduals
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.orientation.reporting.block_charts import ARROWS_SHOWN, PHOTOS_SHOWN, block_charts
-from orthomill.tasks.orientation.reporting.overlap_map import CENTRE, OUTLINE, SIDE, outline, overlap_map, overlap_picture
+from orthomill.tasks.orientation.reporting.overlap_map import (
+    CENTRE,
+    OUTLINE,
+    SIDE,
+    _ground_map,
+    outline,
+    overlap_map,
+    overlap_picture,
+)
 
 
 def chart(facts, title):
@@ -117,6 +125,19 @@ def test_the_overlap_map_shows_both_and_single_coverage(facts):
     counts = [int((drawn == k).sum()) for k in range(3)]
     assert counts[2] / (counts[1] + counts[2]) == pytest.approx(80 / 120, abs=0.03)
     assert (drawn == CENTRE).sum() == 2 * 9 and (drawn == OUTLINE).any() and drawn.shape == (SIDE, SIDE)
+
+
+@pytest.mark.parametrize("turned", [(0.0, 0.0, 30.0), (25.0, -10.0, 0.0), (70.0, 0.0, 0.0)])
+def test_the_overlap_map_counts_every_photograph_wherever_it_looks(facts, with_block, turned):
+    """By all places of the map in all photographs: near outlines, far ones that are cut off, and places beyond those."""
+    first, second = facts.block.photos
+    block = with_block(photos=(first.model_copy(update={"omega_phi_kappa": turned}), second)).block
+    views, drawn = [block_view(block, name) for name in block.names], overlap_map(block)
+    ground = _ground_map(views, [outline(one, block.ground_mean) for one in views])
+    places = np.column_stack([ground.places(), np.full(SIDE * SIDE, block.ground_mean)])
+    seen = np.sum([one.contains(one.project(places)) for one in views], axis=0).reshape(SIDE, SIDE)
+    counted = drawn < OUTLINE
+    assert (drawn[counted] == seen[counted]).all() and (seen[counted] > 0).any()
 
 
 def test_the_picture_says_how_wide_it_is(facts):

@@ -10,7 +10,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import FixedInterior, interior_prior
 from orthomill.tasks.orientation.measurements import tie_rays
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
-from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial, from_given
+from orthomill.tasks.orientation.start.block_growth import BlockGrowth, Given, GrowthMaterial, from_given
 from orthomill.tasks.orientation.start.block_start import start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity
 
@@ -26,6 +26,14 @@ def strip(count, east=407000.0, prefix="s", seed=1):
         )
         for i in range(count)
     ]
+
+
+def test_a_photograph_changes_the_rays_of_its_own_points_only():
+    material = material_of(strip(6))
+    growth = BlockGrowth(material, np.ones(6, bool))
+    for photo in range(6):
+        seen = np.unique(material.rays.point[material.rays.photo == photo])
+        assert growth.beside(photo).tolist() == np.flatnonzero(np.isin(material.rays.point, seen)).tolist()
 
 
 def material_of(views, seed=1, camera=EXACT, tracks=500):
