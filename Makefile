@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -142,6 +142,9 @@ bench-registration: $(STAMP) ## Joint registration of simulated scans: precision
 
 bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true
 	@$(BIN)/python -m benchmarks.orientation.orientation_simulated
+
+bench-growth: $(STAMP) ## From files to a block with 100, 300 and 1000 rendered photographs (options="folder=FOLDER 100 300")
+	@$(BIN)/python -m benchmarks.orientation.growth.run_growth $(options)
 
 bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
 	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
