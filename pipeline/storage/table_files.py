@@ -1,7 +1,7 @@
 """Tables on disk: pydantic models as readable JSON, columns as parquet. A write is complete or absent.
 
-A table that consists of bytes only (descriptors, patches) is one binary value in its file: parquet has no 8-bit type and would
-store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
+A table that consists of bytes only (descriptors, patches, whole files) has binary values in its file: parquet has no 8-bit type and
+would store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
 """
 
 import os
@@ -19,8 +19,11 @@ from orthomill.pipeline.storage.sealed_json import seal, unsealed
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
+PIECE = 2**20
+"""bytes of one binary value: to write a value takes eight times its size"""
 
-def write_whole(path: Path, data: bytes) -> None:
+
+def write_whole(path: Path, data: bytes | pa.Buffer) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,25 +57,35 @@ def write_table(path: Path, value: Any) -> None:
     if isinstance(value, Columns):
         columns = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)}
         only_bytes = all(column.dtype == np.uint8 for column in columns.values())
-        arrays = {name: _one_value(column) if only_bytes else pa.array(column) for name, column in columns.items()}
+        arrays = {name: _pieces(column) if only_bytes else pa.array(column) for name, column in columns.items()}
         # Dictionaries pay off for names and codes; random bytes only make them grow.
         sink = pa.BufferOutputStream()
         pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes, write_page_checksum=True)
-        write_whole(path, sink.getvalue().to_pybytes())
+        write_whole(path, sink.getvalue())
     else:
         write_whole(path, seal(to_json(value, indent=1, inf_nan_mode="constants")))
 
 
-def _one_value(column: np.ndarray) -> pa.Array:
-    """Bytes as a column with one row."""
+def _pieces(column: np.ndarray) -> pa.Array:
+    """Bytes as a column of binary values."""
+    count = max(-(-column.size // PIECE), 1)
+    offsets = np.minimum(PIECE * np.arange(count + 1, dtype=np.int64), column.size)
     data = pa.py_buffer(np.ascontiguousarray(column))
-    return pa.Array.from_buffers(pa.large_binary(), 1, [None, pa.py_buffer(np.array([0, column.size], np.int64)), data])
+    return pa.Array.from_buffers(pa.large_binary(), count, [None, pa.py_buffer(offsets), data])
 
 
 def _numbers(column: pa.ChunkedArray) -> np.ndarray:
     if pa.types.is_large_binary(column.type):
-        return np.frombuffer(column.chunk(0)[0].as_buffer(), np.uint8)
+        # The bytes of all rows follow each other, whatever the rows.
+        parts = [_bytes(chunk) for chunk in column.chunks]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
     return column.to_numpy(zero_copy_only=False)
+
+
+def _bytes(chunk: pa.Array) -> np.ndarray:
+    _, offsets, data = chunk.buffers()
+    ends = np.frombuffer(offsets, np.int64)[[chunk.offset, chunk.offset + len(chunk)]]
+    return np.frombuffer(data, np.uint8)[ends[0] : ends[1]] if data is not None else np.zeros(0, np.uint8)
 
 
 def read_table(path: Path, table: Table[Any]) -> Any:

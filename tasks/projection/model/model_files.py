@@ -47,22 +47,33 @@ def coloured_ply(
 ) -> FileBytes:
     """The whole mesh, binary, with coordinates of the project in 64 bits and the mean colour of each vertex over its blocks."""
     numbers = np.column_stack([triangles.a, triangles.b, triangles.c])
-    sums, first = np.zeros((len(vertices), 4)), 0
+    sums, first = np.zeros((len(vertices), 4), np.uint32), 0
     for part in corners:
-        colours = part.colours.reshape(-1, 4).astype(np.float64)
-        own = numbers[first : first + len(colours) // 3].ravel()
+        colours = part.colours.reshape(-1, 4)
         known = colours[:, 3] > 0
+        # Only the vertices of the block: arrays of all of them for each block would take the square of the mesh.
+        own, place = np.unique(numbers[first : first + len(colours) // 3].ravel()[known], return_inverse=True)
         for k in range(3):
-            sums[:, k] += np.bincount(own[known], colours[known, k], len(vertices))
-        sums[:, 3] += np.bincount(own[known], minlength=len(vertices))
+            sums[own, k] += np.bincount(place, colours[known, k], len(own)).astype(np.uint32)
+        sums[own, 3] += np.bincount(place, minlength=len(own)).astype(np.uint32)
         first += len(colours) // 3
-    mean = np.where(sums[:, 3:] > 0, np.rint(sums[:, :3] / np.maximum(sums[:, 3:], 1)), UNSEEN)
-    rows = np.zeros(len(vertices), np.dtype([("p", "<f8", 3), ("c", "u1", 3)]))
-    rows["p"] = np.column_stack([vertices.x, vertices.y, vertices.z]) + census.origin
-    rows["c"] = mean
-    faces = np.zeros(len(numbers), np.dtype([("n", "u1"), ("v", "<i4", 3)]))
-    faces["n"], faces["v"] = 3, numbers[:, ::-1] if facing.sign < 0 else numbers
-    return FileBytes.of(_ply_header(len(rows), len(faces), crs) + rows.tobytes() + faces.tobytes())
+    return FileBytes(_ply(vertices, numbers[:, ::-1] if facing.sign < 0 else numbers, census, sums, crs))
+
+
+def _ply(vertices: MeshVertices, numbers: np.ndarray, census: MeshCensus, sums: np.ndarray, crs: str) -> np.ndarray:
+    """The file (uint8), filled in place: a mesh of millions of triangles is held once."""
+    header = np.frombuffer(_ply_header(len(vertices), len(numbers), crs), np.uint8)
+    of_vertex, of_face = np.dtype([("p", "<f8", 3), ("c", "u1", 3)]), np.dtype([("n", "u1"), ("v", "<i4", 3)])
+    ends = np.cumsum([len(header), of_vertex.itemsize * len(vertices), of_face.itemsize * len(numbers)])
+    out = np.empty(ends[2], np.uint8)
+    out[: ends[0]] = header
+    rows, faces = out[ends[0] : ends[1]].view(of_vertex), out[ends[1] :].view(of_face)
+    seen = sums[:, 3] > 0
+    for k, axis in enumerate((vertices.x, vertices.y, vertices.z)):
+        rows["p"][:, k] = axis + census.origin[k]
+        rows["c"][:, k] = np.where(seen, np.rint(sums[:, k] / np.maximum(sums[:, 3], 1)), UNSEEN)
+    faces["n"], faces["v"] = 3, numbers
+    return out
 
 
 def _ply_header(vertices: int, faces: int, crs: str) -> bytes:

@@ -225,7 +225,8 @@ class ModelJobs:
             "corners": Stream(tuple(corners_table(0, k) for k in range(blocks))),
         }
         crs = {"crs": self.basis.crs}
-        scratch = 120 * census.vertices + 60 * census.triangles
+        # The sums of colours, the file, and what packs it for the disk.
+        scratch = 130 * census.vertices + 90 * census.triangles
         yield Job("projection", "model-ply", coloured_ply, mesh, {"ply": ply}, crs, scratch=scratch)
         yield Export("projection", "model_ply", "products/model.ply", "bytes", tables=(ply,))
         shown = next(level for level, count in enumerate(self.counts) if count <= _PAGE_BLOCKS)

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.pipeline.storage.table_files import PIECE, read_table, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -23,13 +23,13 @@ class Mixed(Columns):
     length: np.ndarray
 
 
-@pytest.mark.parametrize("count", [0, 1, 70_000])
+@pytest.mark.parametrize("count", [0, 1, 70_000, PIECE, 2 * PIECE + 1, 20 * PIECE - 7])
 def test_bytes_come_back_and_take_no_more_room_than_they_are(tmp_path, count):
     values = np.random.default_rng(1).integers(0, 256, count, dtype=np.uint8)
     write_table(tmp_path / "a.parquet", Bytes(values))
     found = read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values
     assert found.dtype == np.uint8 and np.array_equal(found, values)
-    assert (tmp_path / "a.parquet").stat().st_size < count + 1000
+    assert (tmp_path / "a.parquet").stat().st_size < count + 1000 + count // 1000
 
 
 def test_bytes_next_to_other_columns_remain_a_column_of_numbers(tmp_path):
