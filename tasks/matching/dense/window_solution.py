@@ -28,6 +28,8 @@ FEWEST = 10
 """pixels of support: five unknowns and as many more"""
 _FLAT = 1e-6
 """variance of grey values below which a window counts as constant"""
+_SINGLE = 1e-6
+"""the same as a share of their mean square: sums of single precision leave that much, in an order that depends on the processor"""
 _LEAST_GAIN = 0.05
 """gain below which the right window shows something else"""
 _SLOPES = 0.05
@@ -261,7 +263,7 @@ def solved(scratch, half, size, correlation, slope, out):
     # The centroid of the squared gradients: where the window is determined.
     out[ASIDE] = max(abs(sums[10]), abs(sums[11])) / max(sums[9], 1e-6)
     contrast, power = sums[3] - sums[1] * sums[1] / sums[0], sums[5] - sums[2] * sums[2] / sums[0]
-    if contrast <= _FLAT * sums[0] or power <= _FLAT * sums[0]:
+    if contrast <= _FLAT * sums[0] + _SINGLE * sums[3] or power <= _FLAT * sums[0] + _SINGLE * sums[5]:
         return outcomes.LOW_TEXTURE
     common = sums[4] - sums[1] * sums[2] / sums[0]
     out[CORRELATION] = common / np.sqrt(contrast * power)
