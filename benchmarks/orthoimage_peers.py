@@ -90,7 +90,7 @@ class TextureRun:
 
 
 def _touch(one: Window, other: Window | None) -> bool:
-    return other is None or not Window(one.row - other.row, one.col - other.col, one.height, one.width).clipped(other.shape).empty
+    return other is None or not one.overlap(other).empty
 
 
 def texture_run(store: Store, **over: Any) -> TextureRun:

@@ -42,9 +42,7 @@ class Window:
 
     def clipped(self, shape: tuple[int, ...]) -> "Window":
         """The part inside a raster of `shape`; empty (height or width 0) where there is none."""
-        row, col = max(self.row, 0), max(self.col, 0)
-        bottom, right = min(self.row + self.height, shape[0]), min(self.col + self.width, shape[1])
-        return Window(row, col, max(bottom - row, 0), max(right - col, 0))
+        return self.overlap(Window(0, 0, shape[0], shape[1]))
 
     def overlap(self, other: "Window") -> "Window":
         """What both have in common; empty where they do not meet."""

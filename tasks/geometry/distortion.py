@@ -260,6 +260,12 @@ def distortion_derivatives(xy: np.ndarray, lens: LensNumbers) -> tuple[np.ndarra
     return slopes, partials
 
 
+def principal_place(camera: Camera) -> tuple[float, float]:
+    """Column and row of the principal point."""
+    # Pixel centres are integers, so the image centre is at (width - 1) / 2 and not at width / 2.
+    return camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0
+
+
 def image_to_pixel(camera: Camera, xy: np.ndarray) -> np.ndarray:
     """Ideal image coordinates (N, 2) (px, y up, origin at the principal point) to observed pixels (N, 2) (col, row)."""
     observed = distorted(np.asarray(xy, dtype=np.float64) / camera.c, lens_of(camera)) * camera.c

@@ -12,7 +12,7 @@ from numba import njit
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
-from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, lens_of, pixel_to_image
+from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, lens_of, pixel_to_image, principal_place
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
 FIELD_MARGIN = 1.05
@@ -115,7 +115,7 @@ class View:
     def numbers(self) -> ViewNumbers:
         """The view as kernels take it."""
         camera = self.camera
-        principal = camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0
+        principal = principal_place(camera)
         values = (*self.rotation.ravel(), *self.centre, camera.c, *principal, *lens_of(camera), camera.width, camera.height)
         return ViewNumbers._make(map(float, values))
 

@@ -7,6 +7,7 @@ from orthomill.schemas.observations import ControlPoint, TiePoints
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.distortion import pixel_to_image
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 
 
 def centred(camera: Camera, pixels: np.ndarray) -> np.ndarray:
@@ -20,9 +21,9 @@ def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[R
     tracks, point = np.unique(tie_points.track[order], return_inverse=True)
     photo = tie_points.photo[order].astype(np.int32)
     pixels = np.column_stack([tie_points.col[order], tie_points.row[order]])
-    # As `centred`, for all photographs at once.
-    middle = np.array([((camera.width - 1) / 2, (camera.height - 1) / 2) for camera in map(cameras.of, photos.names)])
-    xy = (pixels - middle[photo]) * [1.0, -1.0]
+    xy = np.empty_like(pixels)
+    for name, own in zip(photos.names, rows_of_photos(photo, len(photos.names)), strict=True):
+        xy[own] = centred(cameras.of(name), pixels[own])
     # A standard error of zero would give a measurement infinite weight.
     return Rays(point.astype(np.int32), photo, xy, np.maximum(tie_points.sigma[order].astype(np.float64), 1e-3)), tracks
 

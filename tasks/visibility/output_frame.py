@@ -16,7 +16,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.frames import AnyFrame, CylinderFrame, FlatFrame, ViewFrame
-from orthomill.tasks.geometry.distortion import lens_of, pixel_to_image
+from orthomill.tasks.geometry.distortion import lens_of, pixel_to_image, principal_place
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.visibility.scanline import (
@@ -52,8 +52,8 @@ def plane_projection(frame: FlatFrame, origin: np.ndarray) -> Projection:
 def ideal_places(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Where (N, 2) an ideal lens of the same interior orientation would show what is at `pixels` (N, 2)."""
     xy = pixel_to_image(camera, pixels)
-    principal = camera.x0 + (camera.width - 1) / 2, (camera.height - 1) / 2 - camera.y0
-    return np.column_stack([principal[0] + xy[:, 0], principal[1] - xy[:, 1]])
+    col, row = principal_place(camera)
+    return np.column_stack([col + xy[:, 0], row - xy[:, 1]])
 
 
 def ideal_window(camera: Camera, window: Window | None = None, margin: int = 2) -> Window:
