@@ -41,6 +41,7 @@ COSTLY = (ConstantNominal, InteriorUndetermined, ImageErrorsCorrelated, ControlO
 """Findings that cost accuracy without putting the whole block in doubt"""
 MANY = 0.15
 """Share of rejected measurements that right tie points do not reach"""
+_WRONG_COORDINATE = "A wrong coordinate among few control points has the same effect."
 
 
 def block_warnings(facts: Facts) -> Iterator[str]:
@@ -186,9 +187,11 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
     # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
     if pointing > 1.0:
+        # Without datum no coordinate takes part: only the measurements themselves can be wrong.
+        cause = "Some may lie in the wrong place." if facts.without_datum else _WRONG_COORDINATE
         yield (
             "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "
-            f"{pointing:.1f} times. A wrong coordinate among few control points has the same effect."
+            f"{pointing:.1f} times. {cause}"
         )
     share = precision.rejected / max(precision.rejected + precision.rays, 1)
     if share > MANY:

@@ -245,6 +245,13 @@ def test_pointings_worse_than_stated_are_told(with_precision, factor, count):
     assert len(found) == count and all("enlarged 2.5 times" in text for text in found)
 
 
+@pytest.mark.parametrize(("findings", "coordinate"), [((), True), ((NoDatum(scaled=False),), False)])
+def test_coordinates_that_take_no_part_are_not_suspected(with_precision, findings, coordinate):
+    group = ObservationGroup(name=ObservationKind.POINTINGS, count=10, redundancy=5.0, factor=2.5)
+    (found,) = (text for text in block_warnings(with_precision(groups=(group,), findings=findings)) if "fit worse" in text)
+    assert ("wrong coordinate" in found) is coordinate
+
+
 def test_files_for_other_programs_warn_of_scans_and_mirrors(facts):
     first, second = facts.photos.photos
     scan = first.model_copy(update={"scan": (0.0, 1.0, 0.0, 0.0, 0.0, 1.0), "scan_size": (1100, 1100)})
