@@ -12,11 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
-
-
-def _centre(camera: Camera) -> tuple[float, float]:
-    """Principal point (col, row), the centre of the upper-left pixel being (0, 0)."""
-    return (camera.width - 1) / 2 + camera.x0, (camera.height - 1) / 2 - camera.y0
+from orthomill.tasks.geometry.distortion import principal_place
 
 
 def _skew_px(camera: Camera) -> float:
@@ -52,7 +48,7 @@ def opencv_yaml(camera: Camera) -> str:
     with standard errors where known."""
     if camera.lens.kind not in _OPENCV_ORDER:
         return f"%YAML:1.0\n---\n# {_unknown_there(camera, 'OpenCV')}\n"
-    (fx, fy), (col, row), order = _constants(camera), _centre(camera), _OPENCV_ORDER[camera.lens.kind]
+    (fx, fy), (col, row), order = _constants(camera), principal_place(camera), _OPENCV_ORDER[camera.lens.kind]
     lens = _values(camera, order)
     lines = [
         "%YAML:1.0",
@@ -91,7 +87,7 @@ def colmap_cameras(camera: Camera) -> str:
     models["brown"] = models["rational"] if camera.value("k3") else ("OPENCV", "k1 k2 p1 p2")
     if camera.lens.kind not in models:
         return f"{head}# {_unknown_there(camera, 'COLMAP')}\n"
-    col, row = _centre(camera)
+    col, row = principal_place(camera)
     model, names = models[camera.lens.kind]
     # COLMAP's origin is the corner of the upper-left pixel, hence + 0.5.
     numbers = [*_constants(camera), col + 0.5, row + 0.5, *_values(camera, names)]
