@@ -27,10 +27,11 @@ from orthomill.tasks.dsm_check.report_rounds import (
     shift_warnings,
     tolerance_values,
     whole_shift,
+    with_pairs_apart,
 )
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, SurfaceTrend, surface_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, SurfaceTrend
 
 __all__ = ["DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
 
@@ -99,7 +100,11 @@ def report(
     whole = summarised(total, pairs.pixel_height)
     trend, plane = fitted_trend(coarse, blocks.grid, blocks.size)
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
-    of_file = None if shift is None else _final_shift(coarse, shift, raised, level.middle if level else 0.0)
+    of_file = None
+    if shift:
+        middle, moved = level.middle if level else 0.0, shift.in_plan and not keeps
+        medians = [_summary(_of_pair(tiles, pair.name), pairs).median for pair in pairs.pairs]
+        of_file = with_pairs_apart(whole_shift(coarse, shift, raised, middle, moved, blocks.grid.cell), medians)
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = _detectable(coarse, blocks.significance)
     tilts = _tilt_warnings(trend, pairs, detectable)
@@ -138,13 +143,6 @@ def report(
         warnings=(*told, *losses),
     )
     return Reported(found, area_map(areas, AreaRule(blocks.grid, blocks.size, blocks.crs)))
-
-
-def _final_shift(coarse: np.ndarray, shift: SurfaceShift, raised: float, level: float) -> SurfaceShift:
-    """The shift of a surface from a file, as the whole check knows it; that of the first look where the check judged too little.
-    level: m, what is in none of the corrections."""
-    last = surface_shift(coarse)
-    return whole_shift(last, raised + level) if last.blocks else whole_shift(shift, raised + shift.up)
 
 
 def _with_level(trend: Trend, level: SurfaceTrend, grid: MapGrid) -> Trend:
@@ -313,8 +311,12 @@ _PAIR_COLUMNS = (
 )
 
 
-def _pair_row(pair: CheckedPair, parts: list[PairCounts], pixel_height: float) -> tuple[float | int | str | None, ...]:
-    s = summarised(added([part.dh for part in parts]), pixel_height)
+def _summary(parts: list[PairCounts], pairs: CheckedPairs) -> Summary:
+    return summarised(added([part.dh for part in parts]), pairs.pixel_height)
+
+
+def _pair_row(pair: CheckedPair, parts: list[PairCounts], pairs: CheckedPairs) -> tuple[float | int | str | None, ...]:
+    s = _summary(parts, pairs)
     # nodes outside the photographs or in gaps of the surface were never to be matched
     tried = sum(sum(part.outcomes) - part.outcomes[Outcome.OUTSIDE] for part in parts)
     lengths = _known(s.mean), _known(s.std), _known(s.median), _known(s.nmad)
@@ -326,7 +328,7 @@ def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
     return Grid(
         title="The check by pairs",
         columns=_PAIR_COLUMNS,
-        rows=tuple(_pair_row(pair, _of_pair(tiles, pair.name), pairs.pixel_height) for pair in pairs.pairs),
+        rows=tuple(_pair_row(pair, _of_pair(tiles, pair.name), pairs) for pair in pairs.pairs),
         note="A mean that differs between pairs indicates an error of the orientation rather than of the surface. Errors common to "
         "surface and check remain undetected: those of orientation and camera and, where the surface was matched in the same "
         "photographs, those of matching at building edges, in trees and in narrow gaps.",

@@ -10,7 +10,7 @@ from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
 from orthomill.tasks.dsm_check.correction_map import POWER
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import RELIEF, TileCounts
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
 
 _SURE = 4.0
 """standard errors from which a shift is told as a fact"""
@@ -22,9 +22,28 @@ _NO_DATUM = 200.0
 Values = dict[str, float | int | None]
 
 
-def whole_shift(found: SurfaceShift, raised: float) -> SurfaceShift:
-    """The shift of the surface as it was given: what was found last, and by how much it had been raised before (m)."""
-    return found.model_copy(update={"up": found.up - raised})
+def whole_shift(coarse: np.ndarray, placed: SurfaceShift, raised: float, level: float, moved: bool, cell: float) -> SurfaceShift:
+    """The shift of a surface as it was given, as the whole check knows it.
+
+    coarse: blocks (rows, cols, 5) of the check. placed: what the looks before it found. raised: m, by how much the surface was
+    raised for the check; level: m, what is in none of its corrections; moved: whether it was moved back in plan as well. cell: m.
+    """
+    last = surface_shift(coarse)
+    apart = placed.in_plan and not moved and np.hypot(placed.east or 0.0, placed.north or 0.0) > cell
+    # Beyond a cell corrections are not proportional to a shift in plan that is still in the surface: the looks moved it back.
+    if apart or not last.blocks:
+        return placed.model_copy(update={"up": -raised if apart else -raised - level})
+    plan = {"east": placed.east, "north": placed.north} if moved else {}
+    return last.after(SurfaceShift(up=-raised - level, up_sigma=0.0, **plan))
+
+
+def with_pairs_apart(found: SurfaceShift, medians: list[float]) -> SurfaceShift:
+    """A shift whose standard error in height holds what the orientation of every pair adds alike all over the surface, and no
+    scatter of blocks can show: that of the mean of the pairs' medians (m)."""
+    known = np.array([median for median in medians if np.isfinite(median)])
+    if len(known) < 2:
+        return found
+    return found.model_copy(update={"up_sigma": float(np.hypot(found.up_sigma, known.std(ddof=1) / np.sqrt(len(known))))})
 
 
 def shift_values(shift: SurfaceShift | None) -> Values:

@@ -9,8 +9,8 @@ beside which its large and narrow errors show, and the places that were correcte
 more. The engine needs no loop for that: a pass asks for the table of the one before.
 """
 
-from collections.abc import Iterator
-from typing import Any, ClassVar, Literal
+from collections.abc import Generator, Iterator
+from typing import Any, ClassVar, Literal, NamedTuple
 
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Export, HeightFile, HeightHeader, Job, Raster, Table
@@ -45,7 +45,7 @@ from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, coun
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
-from orthomill.tasks.dsm_check.surfaces.surface_shift import ROUGH_SHIFT, SHIFT, TREND, SurfaceShift, no_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import NO_SHIFT, TREND, SurfaceShift, moved_grid, shift_after
 from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
 from orthomill.tasks.dsm_check.tile import correct_tile, take_surface
 
@@ -57,6 +57,8 @@ COARSE = "dsm_check/coarse"
 """float32 (rows, cols, 5): `areas.blocks` and `areas.slopes` in blocks of cells"""
 _PLACING_LEVELS = 3, 1
 """halvings of the orthoimages in which the shift of a surface from a file is found: first those that reach far"""
+_MOST_LOOKS = 8
+"""of which every one moves the surface by what the one before found"""
 _PLACING_CELLS = 128
 """cells along the shorter side that tell a shift to centimetres"""
 _FILE_ROUNDS, _FILE_LEVELS = 4, 3
@@ -134,15 +136,13 @@ class DsmCheckStage(Stage):
         surface = view.table(CHECKED_SURFACE)
         if isinstance(self.surface, SurfaceFile):
             passes = self._passes(view, surface)
-            yield from self._placed(view, passes, self.surface)
-            yield from self._file(view, passes, self.surface)
+            placed = yield from self._placed(view, passes, self.surface)
+            yield from self._file(view, passes, self.surface, placed)
+            yield from self._several(view, passes, placed)
         else:
             yield from self._own(view, surface.grid)
             passes = self._passes(view, surface)
-        if self._once:
-            yield from self._one_pass(passes)
-        else:
-            yield from self._several(view, passes)
+            yield from self._one_pass(passes) if self._once else self._several(view, passes)
         yield from self._exports()
 
     @property
@@ -201,7 +201,7 @@ class DsmCheckStage(Stage):
             writes = {"input": Raster(INPUT, tile.window)}
             yield Job(self.kind, "input", take_surface, reads, writes, row=tile.row, col=tile.col)
 
-    def _placed(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Iterator[RasterSpec | Job]:
+    def _placed(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Generator[RasterSpec | Job, None, "_Placed"]:
         """Where a surface from a file lies to the photographs."""
         coarse = places(passes.surface.grid)
         given = HeightFile(source.path, view.project.crs, coarse, Window(0, 0, *coarse.shape), source.system)
@@ -212,16 +212,24 @@ class DsmCheckStage(Stage):
         rough, fine = (passes.lowest(level, _PLACING_CELLS) for level in _PLACING_LEVELS)
         for one in sorted({rough, fine, *range(1, passes.lowest(self._levels) + 1)}):
             yield passes.level_pairs(one)
-        if rough > fine:
-            yield from passes.placing(view, source, rough, view.table(PLACED).up, ROUGH_SHIFT)
-        else:
-            yield Job(self.kind, "no-rough-shift", no_shift, {}, {"shift": ROUGH_SHIFT})
-        yield from passes.placing(view, source, fine, self._roughly_up(view), SHIFT)
+        before, found, up, look = None, NO_SHIFT, view.table(PLACED).up, 0
+        while look < _MOST_LOOKS and not (before and found.settled(before)):
+            look += 1
+            yield from passes.placing(view, source, look, fine if before else rough, up, found)
+            before, found = found, view.table(shift_after(look))
+        if found.in_plan and fine:
+            # Windows on coarse orthoimages blur roofs: what they find is right to some tenths of a cell of theirs.
+            look += 1
+            yield passes.level_pairs(0)
+            yield from passes.placing(view, source, look, 0, up, found)
+            found = view.table(shift_after(look))
+        # To the millimetre: the surface that is given back must not show the digits of an estimate.
+        return _Placed(shift_after(look), found, round(up - found.up, 3))
 
-    def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Iterator[RasterSpec | Job]:
+    def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile, placed: "_Placed") -> Iterator[RasterSpec | Job]:
         """The surface from a file, in the height system of the photographs."""
-        grid, shift = passes.surface.grid, view.table(SHIFT)
-        taken = _moved_grid(grid, shift) if source.shift == "remove" and shift.in_plan else grid
+        grid, shift = passes.surface.grid, placed.found
+        taken = moved_grid(grid, shift) if source.shift == "remove" and shift.in_plan else grid
         yield passes.raster(INPUT)
         yield passes.raster(FILLED, "uint8")
         fill = source.holes == "fill" and view.has_stage("densification")
@@ -230,17 +238,8 @@ class DsmCheckStage(Stage):
             if fill:
                 reads |= {"matched": Raster(HEIGHT, tile.window), "provenance": Raster(PROVENANCE, tile.window)}
             writes: dict[str, Raster | Table] = {"input": Raster(INPUT, tile.window), "filled": Raster(FILLED, tile.window)}
-            params: dict[str, Any] = {"up": self._up(view)}
+            params: dict[str, Any] = {"up": placed.up}
             yield Job(self.kind, "input", take_file, reads, writes, params, row=tile.row, col=tile.col)
-
-    def _up(self, view: ProjectView) -> float:
-        """What is added to the heights of a file before it is checked, m."""
-        # To the millimetre: the surface that is given back must not show the digits of an estimate.
-        return round(self._roughly_up(view) - view.table(SHIFT).up, 3)
-
-    def _roughly_up(self, view: ProjectView) -> float:
-        """What is added before the finer of the two looks at the shift, m."""
-        return round(view.table(PLACED).up - view.table(ROUGH_SHIFT).up, 3)
 
     # --- the passes
 
@@ -265,7 +264,7 @@ class DsmCheckStage(Stage):
             )
         yield self._report(passes, {}, {})
 
-    def _several(self, view: ProjectView, passes: Passes) -> Iterator[RasterSpec | Job]:
+    def _several(self, view: ProjectView, passes: Passes, placed: "_Placed | None" = None) -> Iterator[RasterSpec | Job]:
         levels = passes.lowest(self._levels)
         if levels:
             if not isinstance(self.surface, SurfaceFile):
@@ -280,11 +279,11 @@ class DsmCheckStage(Stage):
         reads: Reads = {"rounds": tuple(state_table(k) for k in range(1, number + 1))}
         params: dict[str, Any] = {"last_round": number}
         back, own, keeps = 0.0, 0.0, True
-        if isinstance(self.surface, SurfaceFile):
+        if isinstance(self.surface, SurfaceFile) and placed:
             keeps = self.surface.shift == "keep"
-            back, own = -self._up(view) if keeps else 0.0, self.surface.sigma
-            reads |= {"shift": SHIFT, "level": TREND}
-            params |= {"raised": self._up(view), "keeps": keeps}
+            back, own = -placed.up if keeps else 0.0, self.surface.sigma
+            reads |= {"shift": placed.shift, "level": TREND}
+            params |= {"raised": placed.up, "keeps": keeps}
         for tile in passes.tiles():
             writes = _answer(tile, block_size(passes.surface.grid.shape))
             yield passes.finish(tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
@@ -342,6 +341,9 @@ def _answer(tile: Tile, size: int) -> dict[str, Raster | Table]:
     }
 
 
-def _moved_grid(grid: MapGrid, shift: SurfaceShift) -> MapGrid:
-    """Where the file has what belongs on `grid`."""
-    return grid.model_copy(update={"west": grid.west + (shift.east or 0.0), "north": grid.north + (shift.north or 0.0)})
+class _Placed(NamedTuple):
+    """Where a surface from a file lies: its shift after it was brought to the tie points, and what is added to its heights, m."""
+
+    shift: Table[SurfaceShift]
+    found: SurfaceShift
+    up: float

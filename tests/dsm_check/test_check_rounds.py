@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from tiny_block import EAST, NORTH, surface
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import CORRECTED, CheckCode, Surface
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
 from orthomill.tasks.dsm_check.joint_correction import EVERYWHERE, PairGeometry, joint, shared_noise
@@ -76,6 +76,16 @@ def test_rounds_with_closer_windows_recover_a_narrow_error():
         error = np.abs(run(narrow, levels=0, **choices).rasters[CORRECTED] - surface(x, y))[inside]
         left.append(float(np.median(error)))
     assert left[1] < 0.5 * left[0]
+
+
+@pytest.mark.slow
+def test_later_rounds_judge_the_tiles_around_what_changed_and_no_others():
+    made = project(64, lambda x, y: bump(x, y, 3.0, 9.0), hole=False)
+    made.run(DsmCheckStage(pairs_per_place=2, levels=0, rounds=3))
+    first, second = (made.tables[state_table(number).path] for number in (1, 2))
+    tiles = len(list(tiles_of(GRID.shape, 64)))
+    assert 1 <= len(first.judged) <= 9 < tiles / 3 and len(first.orthoimages) < tiles
+    assert 0 < second.counts.judged < 0.05 * first.counts.judged
 
 
 @pytest.mark.slow

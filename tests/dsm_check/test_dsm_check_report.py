@@ -21,7 +21,7 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
-from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values
+from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values, with_pairs_apart
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
@@ -324,3 +324,10 @@ def test_what_no_two_photographs_show_is_told_apart_from_what_could_not_be_judge
 def test_a_shift_is_told_with_what_it_can_come_from(up, words):
     (told,) = shift_warnings(SurfaceShift(up=up, up_sigma=0.01, blocks=100), removed=False)
     assert words in told and ("camera constant" in told) == (up > 3)
+
+
+def test_a_height_that_pairs_see_differently_is_known_no_better_than_they_agree():
+    found = SurfaceShift(up=0.4, up_sigma=0.003, blocks=100)
+    apart = with_pairs_apart(found, [0.0, 0.03, -0.03, float("nan")])
+    assert apart.up == found.up and apart.up_sigma == pytest.approx(np.hypot(0.003, 0.03 / np.sqrt(3)))
+    assert with_pairs_apart(found, [0.5]) == found

@@ -153,6 +153,22 @@ def test_a_shift_is_taken_out_when_that_is_asked_for():
     assert abs(np.median(made.rasters[CORRECTED] - surface(x, y))) < 0.06
 
 
+@pytest.mark.parametrize("shift", ["keep", "remove"])
+def test_a_shift_in_plan_of_several_cells_is_told_as_it_was_planted(shift):
+    made = checked_file(lambda x, y: surface(x - 2.4, y + 1.8) + 0.7 - surface(x, y), shift=shift)
+    report = made.tables[report_table("dsm_check").path]
+    figures = {figure.name: figure.value for figure in report.figures}
+    assert figures["shift_up"] == pytest.approx(0.7, abs=0.02)
+    assert figures["shift_plan_sigma"] < 0.1
+    for name, planted in (("shift_east", 2.4), ("shift_north", -1.8)):
+        assert figures[name] == pytest.approx(planted, abs=max(0.04, 3 * figures["shift_plan_sigma"]))
+    (told,) = [warning for warning in report.warnings if "too far east" in warning]
+    assert ("it was taken out" in told) == (shift == "remove")
+    x, y = ground()
+    off = made.rasters[CORRECTED] - surface(x, y)
+    assert np.nanmedian(np.abs(off)) < 0.05 or shift == "keep"
+
+
 @pytest.mark.slow
 def test_holes_of_a_file_are_filled_by_matching_in_the_height_system_of_the_file():
     made = project(256, lambda x, y: 0 * x, hole=False)

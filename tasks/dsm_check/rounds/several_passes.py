@@ -59,7 +59,14 @@ from orthomill.tasks.dsm_check.rounds.round_state import (
 )
 from orthomill.tasks.dsm_check.statistics import TileCounts
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
-from orthomill.tasks.dsm_check.surfaces.surface_shift import TREND, SurfaceShift, surface_shift, surface_trend
+from orthomill.tasks.dsm_check.surfaces.surface_shift import (
+    TREND,
+    SurfaceShift,
+    further_shift,
+    moved_grid,
+    shift_after,
+    surface_trend,
+)
 from orthomill.tasks.dsm_check.tile import CorrectionRule, blocks_of_nodes
 
 NAN = float("nan")
@@ -130,21 +137,23 @@ class Passes:
         reads: Reads = {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE}
         return Job(KIND, f"pairs-{level}", choose_level_pairs, reads, {"checked": self.pairs_of(level)}, params)
 
-    def placing(self, view: ProjectView, source: SurfaceFile, level: int, up: float, found: Table[SurfaceShift]) -> Plan:
-        """The shift of a surface from a file, raised by `up` m, from one pass at a coarse level."""
-        prefix = f"dsm_check/placing-{level}"
+    def placing(self, view: ProjectView, source: SurfaceFile, look: int, level: int, up: float, before: SurfaceShift) -> Plan:
+        """The shift of a surface from a file, raised by `up` m, from one pass at a coarse level over the surface moved back by
+        what is known of it."""
+        prefix = f"dsm_check/placing-{look}"
         coarse = level_surface(self.surface, level)
+        there = moved_grid(coarse.grid, before)
         yield map_raster(f"{prefix}/height", coarse.grid, "float32", self.scene.crs, self.tile, nodata=NAN, unit="m")
         for tile in tiles_of(coarse.grid.shape, self.tile):
-            given = HeightFile(source.path, self.scene.crs, coarse.grid, tile.window, source.system)
+            given = HeightFile(source.path, self.scene.crs, there, tile.window, source.system)
             out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
-            yield Job(
-                KIND, f"placing-{level}-height", raised, {"heights": given}, out, {"up": up}, tile.row, tile.col, _scratch(tile)
-            )
+            how = {"up": up - before.up}
+            yield Job(KIND, f"placing-{look}-height", raised, {"heights": given}, out, how, tile.row, tile.col, _scratch(tile))
         yield from self._coarse(view, prefix, level, f"{prefix}/height")
         rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
         whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
-        yield Job(KIND, f"placing-{level}-shift", surface_shift, {"coarse": whole}, {"shift": found})
+        params = {"before": before}
+        yield Job(KIND, f"placing-{look}-shift", further_shift, {"coarse": whole}, {"shift": shift_after(look)}, params)
 
     def second_surface(self, view: ProjectView, top: int) -> Plan:
         """The second surface, from level `top` to the first; the result is `SECOND`."""

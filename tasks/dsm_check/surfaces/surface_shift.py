@@ -37,6 +37,22 @@ class SurfaceShift(BaseModel):
     plan_sigma: tuple[float, float] | None = None
     blocks: int = 0
 
+    def after(self, before: "SurfaceShift") -> "SurfaceShift":
+        """The whole shift of a surface that had been moved back by `before` when this was found; as precise as this."""
+        whole = self.model_copy(update={"up": before.up + self.up})
+        if before.east is None or before.north is None:
+            return whole
+        east, north = before.east + (self.east or 0.0), before.north + (self.north or 0.0)
+        return whole.model_copy(update={"east": east, "north": north, "plan_sigma": self.plan_sigma or before.plan_sigma})
+
+    def settled(self, before: "SurfaceShift") -> bool:
+        """Whether a look that began from `before` found nothing beyond its own standard errors: dh = s . grad - z holds for small
+        shifts alone, and each look leaves a part of what it saw."""
+        if self.east is None or self.north is None or self.plan_sigma is None:
+            return before.blocks > 0
+        moved = self.east - (before.east or 0.0), self.north - (before.north or 0.0)
+        return before.blocks > 0 and bool(np.hypot(*np.divide(moved, self.plan_sigma)) < _SETTLED)
+
     @property
     def in_plan(self) -> bool:
         """Whether it is shifted in plan beyond doubt."""
@@ -80,26 +96,32 @@ def surface_trend(coarse: np.ndarray, grid: MapGrid, size: int, pixel_height: fl
     return SurfaceTrend(middle=trend.middle, by_row=-trend.north * per_cell, by_col=trend.east * per_cell, centre=centre)
 
 
-_CERTAIN = 4.0
+_CERTAIN, _SETTLED = 4.0, 0.5
 """standard errors"""
 _LEVEL = 0.02
 """slope that every block may have: of a level ground the median is nothing"""
-ROUGH_SHIFT = Table("dsm_check/rough_shift.json", SurfaceShift)
-"""from the coarsest orthoimages, which reach far"""
-SHIFT = Table("dsm_check/shift.json", SurfaceShift)
-"""what remains of it, from finer ones"""
 NO_SHIFT = SurfaceShift(up=0.0, up_sigma=0.0)
 
 
-def no_shift() -> SurfaceShift:
-    """Where a surface has too few cells for two looks."""
-    return NO_SHIFT
+def shift_after(look: int) -> Table[SurfaceShift]:
+    """The shift of a surface, after it was brought to the tie points, as so many looks know it."""
+    return Table(f"dsm_check/shift-{look}.json", SurfaceShift)
+
+
+def moved_grid(grid: MapGrid, shift: SurfaceShift) -> MapGrid:
+    """Where a surface that is shifted in plan has what belongs on `grid`."""
+    return grid.model_copy(update={"west": grid.west + (shift.east or 0.0), "north": grid.north + (shift.north or 0.0)})
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
     values: np.ndarray
     covariance: np.ndarray
+
+
+def further_shift(coarse: np.ndarray, before: SurfaceShift) -> SurfaceShift:
+    """The whole shift of a surface that was moved back by `before`, and for which blocks (rows, cols, 5) ask for the rest."""
+    return surface_shift(coarse).after(before)
 
 
 def surface_shift(coarse: np.ndarray) -> SurfaceShift:
