@@ -65,6 +65,8 @@ class CheckOptions:
     fill: bool = False
     sigma: float = 0.0
     """m, of the heights of the surface"""
+    earlier: bool = False
+    """whether the surface is of an earlier epoch than the photographs"""
 
 
 def check_workflow(
@@ -121,7 +123,9 @@ def change_workflow(
             raise WorkflowError(
                 f"There is neither a surface {before} nor a finished project of that name; run it first, or name a file."
             )
-    return check_workflow(name or f"change-{after}", surface, CheckOptions(project=after, sigma=sigma), root, catalogue)
+    return check_workflow(
+        name or f"change-{after}", surface, CheckOptions(project=after, sigma=sigma, earlier=True), root, catalogue
+    )
 
 
 def _of_project(options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> dict[str, Any]:
@@ -202,6 +206,7 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
                 "shift": "remove" if options.remove_shift else "keep",
                 "holes": "fill" if options.fill else "keep",
                 "sigma": options.sigma,
+                "epoch": "earlier" if options.earlier else "same",
             },
             "pairs_per_place": 3,
         }

@@ -14,6 +14,7 @@ from pyproj import CRS, Transformer
 from orthomill.schemas.job import Table
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.dsm_check.areas import SuspiciousArea
+from orthomill.tasks.dsm_check.report_areas import ERRORS, AreaWords
 from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
 
 Ring = tuple[tuple[float, float], ...]
@@ -52,11 +53,12 @@ AREA_MAP = Table("dsm_check/areas.json", AreaMap)
 
 @dataclass(frozen=True)
 class AreaRule:
-    """The blocks of the coarse raster, and the system of its grid."""
+    """The blocks of the coarse raster, the system of its grid, and what differences are called."""
 
     grid: MapGrid
     size: int
     crs: str
+    words: AreaWords = ERRORS
 
 
 def area_map(areas: list[SuspiciousArea], rule: AreaRule) -> AreaMap:
@@ -68,7 +70,7 @@ def area_map(areas: list[SuspiciousArea], rule: AreaRule) -> AreaMap:
 def _feature(area: SuspiciousArea, rule: AreaRule, change: Transformer | None) -> AreaFeature:
     polygons = tuple(tuple(_on_earth(ring, rule, change) for ring in rings) for rings in outlines(area.blocks))
     figures: dict[str, float | str] = {
-        "surface": "too high" if area.dh < 0 else "too low",
+        rule.words.column.split()[0]: rule.words.side(area.dh),
         "mean_correction_m": round(area.dh, 3),
         "largest_correction_m": round(area.extreme, 3),
         "area_m2": round(area.area, 1),

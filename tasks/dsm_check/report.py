@@ -16,6 +16,7 @@ from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted
 from orthomill.tasks.dsm_check.correction_map import detectable_error
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
 from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
+from orthomill.tasks.dsm_check.report_areas import ERRORS, AreaWords, area_warnings, areas_grid
 from orthomill.tasks.dsm_check.report_rounds import (
     beyond_warning,
     check_evidence,
@@ -44,10 +45,6 @@ LAST_ROUND = "dsm_check/rounds/{}/last"
 DETECTABLE = "dsm_check/detectable"
 """float32 m: the smallest error that the check would have found, see `correction_map.detectable_error`"""
 _CORRECTED_PRODUCT = (Product(path="products/dsm_corrected.tif", purpose="The surface, corrected by the photographs", main=True),)
-_LISTED = 20
-"""areas in the table"""
-_WARNED = 3
-"""areas in the warning"""
 _SEEN = 0.95
 """share of the heights that two photographs show below which it is told"""
 _SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
@@ -69,6 +66,8 @@ class Blocks:
     """m: the error that the survey allows"""
     wide: float | None = None
     """m: width from which on an error is seen: that of the ground of which one correction is made"""
+    words: AreaWords = ERRORS
+    """what differences are called"""
 
 
 class Reported(NamedTuple):
@@ -108,10 +107,11 @@ def report(
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = _detectable(coarse, blocks.significance)
     tilts = _tilt_warnings(trend, pairs, detectable)
-    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *_shift_warnings(of_file, keeps))
-    losses = (*_area_warnings(areas, trend), *beyond_warning(tiles, blocks.grid.cell))
+    shifted = shift_warnings(of_file, not keeps, blocks.grid.cell) if of_file else ()
+    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *shifted)
+    losses = (*area_warnings(areas, trend, blocks.words), *beyond_warning(tiles, blocks.grid.cell))
     found = StageReport(
-        verdict=_verdict(tiles, whole, pairs, detectable, blocks.wide),
+        verdict=_verdict(tiles, whole, pairs, detectable, blocks),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
             Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
@@ -134,15 +134,15 @@ def report(
         grids=(
             _pairs_grid(tiles, pairs),
             _outcomes_grid(tiles, pairs),
-            *_areas_grid(areas),
+            *areas_grid(areas, blocks.words),
             *rounds_grid(rounds),
             *relief_grid(tiles),
         ),
         charts=(_histogram(total, pairs.pixel_height),) if whole.number else (),
-        pictures=(*_pictures(pairs, whole), code_picture(), *_round_picture(rounds, last_round)),
+        pictures=(*_pictures(pairs, whole, blocks.words), code_picture(), *_round_picture(rounds, last_round)),
         warnings=(*told, *losses),
     )
-    return Reported(found, area_map(areas, AreaRule(blocks.grid, blocks.size, blocks.crs)))
+    return Reported(found, area_map(areas, AreaRule(blocks.grid, blocks.size, blocks.crs, blocks.words)))
 
 
 def _with_level(trend: Trend, level: SurfaceTrend, grid: MapGrid) -> Trend:
@@ -150,10 +150,6 @@ def _with_level(trend: Trend, level: SurfaceTrend, grid: MapGrid) -> Trend:
     east, north = (trend.east + 1000 * level.by_col / grid.cell, trend.north - 1000 * level.by_row / grid.cell)
     width, height = (side * grid.cell / 1000 for side in (grid.cols, grid.rows))
     return Trend(trend.middle, east, north, abs(east) * width + abs(north) * height)
-
-
-def _shift_warnings(shift: SurfaceShift | None, keeps: bool) -> tuple[str, ...]:
-    return () if shift is None else tuple(shift_warnings(shift, not keeps))
 
 
 def _round_picture(rounds: tuple[RoundState, ...], last: int) -> tuple[Picture, ...]:
@@ -346,21 +342,6 @@ def _outcomes_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
     )
 
 
-def _areas_grid(areas: list[SuspiciousArea]) -> tuple[Grid, ...]:
-    if not areas:
-        return ()
-    rows = tuple(
-        (round(a.x, 1), round(a.y, 1), round(a.area, 1), round(a.dh, 2), round(a.extreme, 2), _side(a.dh)) for a in areas[:_LISTED]
-    )
-    columns = ("X (m)", "Y (m)", "area (m2)", "mean correction (m)", "largest (m)", "surface is")
-    note = (
-        f"The {len(rows)} largest of {len(areas)} by volume: inspect them first. Corrections are relative to the trend, a plane "
-        f"through "
-        "the corrections of the whole surface that large areas do not move; products/dsm_check_areas.geojson has their outlines."
-    )
-    return (Grid(title="Suspicious areas", columns=columns, rows=rows, note=note),)
-
-
 def _histogram(counts: Counts, pixel_height: float) -> Chart:
     values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
     # four NMAD show the body of the distribution; a few blunders would otherwise squeeze it into one bar
@@ -378,13 +359,13 @@ def _histogram(counts: Counts, pixel_height: float) -> Chart:
     )
 
 
-def _pictures(pairs: CheckedPairs, whole: Summary) -> tuple[Picture, ...]:
+def _pictures(pairs: CheckedPairs, whole: Summary, words: AreaWords) -> tuple[Picture, ...]:
     # at least one pixel of shift: on a good surface the colours must not turn noise into mountains
     reach = round(max(5 * whole.nmad, pairs.pixel_height), 2) if whole.number else None
     low = -reach if reach else None
     return (
         Picture(
-            title="Check of the surface",
+            title=words.picture,
             raster=DH,
             style="diverging",
             unit="m",
@@ -414,7 +395,7 @@ def _detectable(coarse: np.ndarray, significance: float) -> float:
     return float(np.median(detectable_error(coarse[judged][:, SIGMA], significance))) if judged.any() else math.nan
 
 
-def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float, wide: float | None) -> Verdict:
+def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float, blocks: Blocks) -> Verdict:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     if not whole.number:
         return Verdict(level="fair", sentence="Nothing of the surface could be checked against the photographs.", weighs=True)
@@ -427,8 +408,8 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
     if 0 < shown < _SEEN * heights:
         words += f" ({min(_share(checked, shown), 100.0):.0f} % of those that two photographs show)"
     if math.isfinite(detectable):
-        width = f", {wide:.2g} m wide or more," if wide else ""
-        words += f"; there an error of {detectable:.2g} m{width} would have been found"
+        width = f", {blocks.wide:.2g} m wide or more," if blocks.wide else ""
+        words += f"; there {blocks.words.one} of {detectable:.2g} m{width} would have been found"
     return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
 
 
@@ -456,23 +437,6 @@ def _tilt_warnings(trend: Trend, pairs: CheckedPairs, detectable: float) -> Iter
             f"The surface is tilted relative to the photographs: by {trend.range:.2g} m from corner to corner, too low in the "
             f"{low} as compared with the {high}. Matching does not do that: check control, positions and camera."
         )
-
-
-def _area_warnings(areas: list[SuspiciousArea], trend: Trend) -> Iterator[str]:
-    if not areas:
-        return
-    named = "; ".join(
-        f"{_side(area.dh)} by about {abs(area.dh):.2g} m over {area.area:.2g} m2 at X {area.x:.0f}, Y {area.y:.0f}"
-        for area in areas[:_WARNED]
-    )
-    more = f"; {len(areas) - _WARNED} more areas are in the table" if len(areas) > _WARNED else ""
-    # To the centimetre: a trend of a millimetre is none.
-    flat = abs(trend.middle) < 0.005
-    relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
-    yield (
-        f"Photographs and surface disagree locally{relative}: the surface is {named}{more}. Look there in the photographs: "
-        "dsm_check_areas.geojson has the outlines."
-    )
 
 
 def _side(dh: float) -> str:

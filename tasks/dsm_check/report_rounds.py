@@ -14,6 +14,8 @@ from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surfa
 
 _SURE = 4.0
 """standard errors from which a shift is told as a fact"""
+_OF_A_CELL = 0.25
+"""cells: a shift in plan below it is no more than where in its cell a height is meant"""
 _DATUM = 3.0
 """m: a shift in height beyond it is rather another height system than an error"""
 _NO_DATUM = 200.0
@@ -61,8 +63,8 @@ def shift_values(shift: SurfaceShift | None) -> Values:
     }
 
 
-def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
-    """What is to be known of the place of a surface from a file."""
+def shift_warnings(shift: SurfaceShift, removed: bool, cell: float) -> Iterator[str]:
+    """What is to be known of the place of a surface from a file. cell: m."""
     kept = "it was taken out" if removed else "the corrected surface keeps it, and all errors are told relative to it"
     if abs(shift.up) > _SURE * shift.up_sigma and shift.up_sigma > 0:
         side = "above" if shift.up > 0 else "below"
@@ -72,7 +74,9 @@ def shift_warnings(shift: SurfaceShift, removed: bool) -> Iterator[str]:
             f"m){datum}; "
             f"{kept}."
         )
-    if shift.in_plan and shift.east is not None and shift.north is not None and shift.plan_sigma is not None:
+    if shift.east is None or shift.north is None or shift.plan_sigma is None:
+        return
+    if shift.in_plan and np.hypot(shift.east, shift.north) > _OF_A_CELL * cell:
         done = (
             "it was taken out" if removed else "it shows as errors of height on slopes and at edges (`shift: remove` takes it out)"
         )

@@ -30,6 +30,7 @@ from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrectio
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
+from orthomill.tasks.dsm_check.report_areas import CHANGES, ERRORS
 from orthomill.tasks.dsm_check.rounds.finish import Finish
 from orthomill.tasks.dsm_check.rounds.round_plan import (
     CheckScene,
@@ -201,7 +202,9 @@ class DsmCheckStage(Stage):
             writes = {"input": Raster(INPUT, tile.window)}
             yield Job(self.kind, "input", take_surface, reads, writes, row=tile.row, col=tile.col)
 
-    def _placed(self, view: ProjectView, passes: Passes, source: SurfaceFile) -> Generator[RasterSpec | Job, None, "_Placed"]:
+    def _placed(
+        self, view: ProjectView, passes: Passes, source: SurfaceFile
+    ) -> Generator[RasterSpec | Job, None, "_PlacedSurface"]:
         """Where a surface from a file lies to the photographs."""
         coarse = places(passes.surface.grid)
         given = HeightFile(source.path, view.project.crs, coarse, Window(0, 0, *coarse.shape), source.system)
@@ -224,9 +227,9 @@ class DsmCheckStage(Stage):
             yield from passes.placing(view, source, look, 0, up, found)
             found = view.table(shift_after(look))
         # To the millimetre: the surface that is given back must not show the digits of an estimate.
-        return _Placed(shift_after(look), found, round(up - found.up, 3))
+        return _PlacedSurface(shift_after(look), found, round(up - found.up, 3))
 
-    def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile, placed: "_Placed") -> Iterator[RasterSpec | Job]:
+    def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile, placed: "_PlacedSurface") -> Iterator[RasterSpec | Job]:
         """The surface from a file, in the height system of the photographs."""
         grid, shift = passes.surface.grid, placed.found
         taken = moved_grid(grid, shift) if source.shift == "remove" and shift.in_plan else grid
@@ -264,7 +267,7 @@ class DsmCheckStage(Stage):
             )
         yield self._report(passes, {}, {})
 
-    def _several(self, view: ProjectView, passes: Passes, placed: "_Placed | None" = None) -> Iterator[RasterSpec | Job]:
+    def _several(self, view: ProjectView, passes: Passes, placed: "_PlacedSurface | None" = None) -> Iterator[RasterSpec | Job]:
         levels = passes.lowest(self._levels)
         if levels:
             if not isinstance(self.surface, SurfaceFile):
@@ -309,7 +312,9 @@ class DsmCheckStage(Stage):
         # A window around every node that the plane of a cell is fitted to: narrower errors lie in a part of that only.
         nodes = passes.main("").nodes
         wide = (nodes.window + 2 * nodes.radius) * grid.cell
-        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance, wide)
+        earlier = isinstance(self.surface, SurfaceFile) and self.surface.epoch == "earlier"
+        words = CHANGES if earlier else ERRORS
+        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance, wide, words)
         tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
         coarse = Raster(COARSE, Window(0, 0, *shape))
         writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}
@@ -341,7 +346,7 @@ def _answer(tile: Tile, size: int) -> dict[str, Raster | Table]:
     }
 
 
-class _Placed(NamedTuple):
+class _PlacedSurface(NamedTuple):
     """Where a surface from a file lies: its shift after it was brought to the tie points, and what is added to its heights, m."""
 
     shift: Table[SurfaceShift]

@@ -21,6 +21,7 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
+from orthomill.tasks.dsm_check.report_areas import CHANGES
 from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values, with_pairs_apart
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
@@ -322,7 +323,7 @@ def test_what_no_two_photographs_show_is_told_apart_from_what_could_not_be_judge
     ],
 )
 def test_a_shift_is_told_with_what_it_can_come_from(up, words):
-    (told,) = shift_warnings(SurfaceShift(up=up, up_sigma=0.01, blocks=100), removed=False)
+    (told,) = shift_warnings(SurfaceShift(up=up, up_sigma=0.01, blocks=100), removed=False, cell=1.0)
     assert words in told and ("camera constant" in told) == (up > 3)
 
 
@@ -331,3 +332,21 @@ def test_a_height_that_pairs_see_differently_is_known_no_better_than_they_agree(
     apart = with_pairs_apart(found, [0.0, 0.03, -0.03, float("nan")])
     assert apart.up == found.up and apart.up_sigma == pytest.approx(np.hypot(0.003, 0.03 / np.sqrt(3)))
     assert with_pairs_apart(found, [0.5]) == found
+
+
+def test_a_shift_in_plan_of_a_small_part_of_a_cell_puts_nothing_in_doubt():
+    shift = SurfaceShift(up=0.0, up_sigma=0.01, east=0.2, north=0.0, plan_sigma=(0.01, 0.01), blocks=100)
+    assert not list(shift_warnings(shift, removed=False, cell=1.0))
+    (told,) = shift_warnings(shift, removed=False, cell=0.5)
+    assert "0.20 m too far east" in told
+
+
+def test_differences_from_an_earlier_surface_are_told_as_change():
+    dh = np.zeros(GRID.shape, np.float32)
+    dh[32:64, 32:64], dh[88:112, 96:128] = 2.0, -1.5
+    coarse = blocks(dh, np.full(dh.shape, 0.1), 8)
+    made = report((tile_counts(dh),), PAIRS, coarse, Blocks(GRID, 8, 3.0, "EPSG:2100", words=CHANGES))
+    (told,) = [warning for warning in made.report.warnings if "changed" in warning]
+    assert told.startswith("The ground has changed") and "risen by about 2 m" in told and "fallen by about 1.5 m" in told
+    assert {feature.properties["ground"] for feature in made.areas.features} == {"risen", "fallen"}
+    assert any(picture.title == "Change since the earlier surface" for picture in made.report.pictures)

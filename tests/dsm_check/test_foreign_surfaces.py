@@ -169,6 +169,13 @@ def test_a_shift_in_plan_of_several_cells_is_told_as_it_was_planted(shift):
     assert np.nanmedian(np.abs(off)) < 0.05 or shift == "keep"
 
 
+def test_what_an_earlier_surface_shows_otherwise_is_change_and_no_error():
+    made = checked_file(lambda x, y: np.where(np.hypot(x - EAST, y - NORTH) < 25, -1.0, 0.0), epoch="earlier")
+    warnings = made.tables[report_table("dsm_check").path].warnings
+    assert any("The ground has changed" in warning and "risen by about" in warning for warning in warnings), warnings
+    assert not any("Photographs and surface disagree" in warning for warning in warnings)
+
+
 @pytest.mark.slow
 def test_holes_of_a_file_are_filled_by_matching_in_the_height_system_of_the_file():
     made = project(256, lambda x, y: 0 * x, hole=False)

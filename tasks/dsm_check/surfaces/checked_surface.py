@@ -21,9 +21,13 @@ class SurfaceFile(Settings):
     system: str | None = setting(None, "Reference system of a file that names none, e.g. EPSG:2100+5773.")
     sigma: float = setting(
         0.0,
-        "Standard error of its heights; 0 asks whether they are right, that of an earlier survey whether the ground has changed.",
+        "Standard error of its heights; 0 asks whether they are right, that of an earlier survey whether the difference is more.",
         "m",
         ge=0,
+    )
+    epoch: Literal["same", "earlier"] = setting(
+        "same",
+        "Whether it shows the ground of the photographs, and differences are errors, or an earlier one, and they are change.",
     )
     shift: Literal["keep", "remove"] = setting(
         "keep",
