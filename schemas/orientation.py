@@ -1,5 +1,6 @@
 """The exterior orientation of photographs and the result of the block adjustment."""
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, field_validator
 
 from orthomill.schemas.camera import Camera, padded
@@ -63,6 +64,18 @@ class JointCovariance(BaseModel):
         return padded(value)
 
 
+Area = tuple[float, float, float, float]
+"""West, south, east and north of a part of the map, or of the plane that stands for it, m"""
+
+
+def in_area(area: Area | None, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Which of the places x, y (N,) m lie in an area (N,) bool; all of them where there is none."""
+    if area is None:
+        return np.ones(len(x), bool)
+    west, south, east, north = area
+    return (x >= west) & (x <= east) & (y >= south) & (y <= north)
+
+
 class Block(BaseModel):
     """A block of photographs, oriented in the project's CRS."""
 
@@ -83,6 +96,8 @@ class Block(BaseModel):
     ground_low: float
     ground_high: float
     """robust range of tie point heights, m"""
+    area: Area | None = None
+    """where a surface is made, where it stands on a plane; None: wherever pairs see ground"""
     # By pairs, because the full covariance matrix grows with the square of the number of photographs.
     joint: tuple[JointCovariance, ...] = ()
     """of all pairs of photographs that share tie points"""

@@ -289,6 +289,18 @@ class PlaneSurface(Settings):
 
     kind: Literal["plane"]
     plane: PlaneChoice = setting(FacadeFound(), "Where the plane is.")
+    area: Literal["auto"] | tuple[float, float, float, float] = setting(
+        "auto",
+        "Where on the plane the surface is made: x and y of the lower left corner, then of the upper right one, in the system of "
+        "products/plane.json. auto: where the tie points of the wall are, without what photographs show far beside or behind it.",
+        "m",
+    )
+
+    @model_validator(mode="after")
+    def _area_is_one(self) -> Self:
+        if self.area != "auto" and not (self.area[0] < self.area[2] and self.area[1] < self.area[3]):
+            raise ValueError("the area has no inside; give x and y of its lower left corner, then of its upper right one")
+        return self
 
 
 SurfaceGround = Annotated[MapSurface | PlaneSurface, Field(discriminator="kind")]

@@ -28,6 +28,7 @@ from benchmarks.deformation import Bump, shape_of
 from benchmarks.measured_run import machine, orthomill, summary, write_result
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import CheckCode
@@ -67,7 +68,8 @@ class Ground:
 def ground_of(folder: Path, sides: tuple[int, int] = SIDES) -> Ground:
     """The middle of a simulated run, `sides` cells of it."""
     store = Store(folder)
-    whole, truth = surface_of(store.table(BLOCK), store.table(PAIRS), None).grid, store.table(TRUTH_GRID)
+    block, pairs, points = (store.table(table) for table in (BLOCK, PAIRS, GROUND_POINTS))
+    whole, truth = surface_of(block, pairs, points, None).grid, store.table(TRUTH_GRID)
     rows, cols = (min(side, size) for side, size in zip(sides, whole.shape, strict=True))
     first = (whole.rows - rows) // 2, (whole.cols - cols) // 2
     west, north = whole.west + first[1] * whole.cell, whole.north - first[0] * whole.cell

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.job import Export, Job, Reading
+from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec
@@ -104,7 +105,8 @@ class DensificationStage(Stage):
 
     def plan(self, view: ProjectView) -> _Plan:
         cell = None if self.cell == "auto" else self.cell
-        yield Job(self.kind, "grid", surface_of, {"block": BLOCK_TABLE, "pairs": PAIRS}, {"surface": SURFACE}, {"cell": cell})
+        reads: dict[str, Reading] = {"block": BLOCK_TABLE, "pairs": PAIRS, "points": GROUND_POINTS}
+        yield Job(self.kind, "grid", surface_of, reads, {"surface": SURFACE}, {"cell": cell})
         surface = view.table(SURFACE)
         if isinstance(self.matching, VerticalLineLocus):
             yield from self._lines(view, surface, self.matching)

@@ -4,13 +4,15 @@ import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.orientation import Block
+from orthomill.schemas.observations import GroundPoints
+from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
 
 
-def surface_of(block: Block, pairs: EpipolarPairs, cell: float | None) -> Surface:
-    """The grid over the union of what the pairs see, with cells of `cell` (m) or, if None, of a round size near 1.5 ground pixels.
+def surface_of(block: Block, pairs: EpipolarPairs, points: GroundPoints, cell: float | None) -> Surface:
+    """The grid over the union of what the pairs see, in the area of the block where it has one, with cells of `cell` (m) or, if
+    None, of a round size near 1.5 ground pixels at the middle of the tie points.
 
     Raises GeometryError when there is no pair, or when no pair sees common ground.
     """
@@ -19,17 +21,42 @@ def surface_of(block: Block, pairs: EpipolarPairs, cell: float | None) -> Surfac
             "No pair of photographs is suitable for matching, so there is no surface model; the epipolar report gives the reasons."
         )
     # The median: one oblique or high pair must not set the resolution of the whole surface.
-    cell = cell or round_cell_size(float(np.median([ground_pixel(pair) for pair in pairs.pairs])))
+    cell = cell or round_cell_size(float(np.median([_pixel_at(pair, _level(block, points)) for pair in pairs.pairs])))
     low, high = height_bounds(pairs)
     bounds = np.array([pair_bounds(pair, block.ground_low, block.ground_high) for pair in pairs.pairs])
     # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
-    west, south = np.floor(bounds[:, :2].min(axis=0) / cell) * cell
-    east, north = np.ceil(bounds[:, 2:].max(axis=0) / cell) * cell
+    low_corner, high_corner = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
+    if block.area is not None:
+        low_corner, high_corner = np.maximum(low_corner, block.area[:2]), np.minimum(high_corner, block.area[2:])
+    west, south = np.floor(low_corner / cell) * cell
+    east, north = np.ceil(high_corner / cell) * cell
+    if not (east > west and north > south) and block.area is not None:
+        raise GeometryError(
+            f"The pairs of photographs see no ground in the area of the plane, {_corners(block.area)}; move it (grid)."
+        )
     if not (east > west and north > south):
         raise GeometryError("The pairs of photographs see no common ground; check the orientation and the heights of the block.")
     rows, cols = round((north - south) / cell), round((east - west) / cell)
     grid = MapGrid(west=float(west), north=float(north), cell=cell, rows=rows, cols=cols)
     return Surface(grid=grid, height_low=low, height_high=high)
+
+
+def _corners(area: Area) -> str:
+    west, south, east, north = (f"{value:.6g}" for value in area)
+    return f"from x = {west}, y = {south} to x = {east}, y = {north} m"
+
+
+def _level(block: Block, points: GroundPoints) -> float:
+    """Height of most of the surface, m: the middle between the lowest and the highest may be far above or below it."""
+    inside = in_area(block.area, points.x, points.y)
+    return float(np.median(points.z[inside])) if inside.any() else block.ground_mean
+
+
+def _pixel_at(pair: EpipolarPair, z: float) -> float:
+    """Side of a pixel of the epipolar images at the height z (m) in their middle, m."""
+    x, y = 0.5 * (pair.left_cols - 1) - pair.left_col0, pair.row0 - 0.5 * (pair.rows - 1)
+    ray = np.array([x, y, -pair.c]) @ np.array(pair.rotation)
+    return float((z - pair.left_centre[2]) / ray[2])
 
 
 def ground_pixel(pair: EpipolarPair) -> float:

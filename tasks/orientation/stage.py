@@ -279,7 +279,7 @@ def _plane_jobs(grid: PlaneSurface) -> Iterator[Job | Export]:
         block_on_plane,
         reads={"block": SURVEY_BLOCK, "points": SURVEY_POINTS},
         writes={"block": BLOCK, "points": GROUND_POINTS, "plane": PLANE},
-        params={"choice": grid.plane},
+        params={"ground": grid},
     )
     yield Export("orientation", "plane_json", "products/plane.json", "json", tables=(PLANE,))
 

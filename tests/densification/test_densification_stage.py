@@ -157,7 +157,9 @@ def test_blank_photographs_give_estimates_and_the_report_says_so(seen):
 
 def coarse_model(seen) -> tuple[MapGrid, np.ndarray]:
     """Posts 32 cells apart with 1 m of noise."""
-    grid = terrain_grid(surface_of(block_of(seen[1].pair), EpipolarPairs(pairs=(seen[1].pair,)), None).grid)
+    grid = terrain_grid(
+        surface_of(block_of(seen[1].pair), EpipolarPairs(pairs=(seen[1].pair,)), tie_points(seen[0].height), None).grid
+    )
     x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
     truth = ndimage.map_coordinates(seen[0].height, [-y / CELL, x / CELL], order=1, mode="nearest")
     return grid, (truth + np.random.default_rng(3).normal(0, 1.0, truth.shape)).astype(np.float32)

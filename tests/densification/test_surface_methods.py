@@ -8,6 +8,7 @@ from village_pair import stack_of
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill
@@ -226,15 +227,43 @@ def block(low=20.0, high=60.0):
     )
 
 
+def points_at(*heights: float, x: float = 4200.0) -> GroundPoints:
+    """Tie points of these heights."""
+    count, none = len(heights), np.zeros(len(heights), np.float32)
+    places = np.full(count, x), np.full(count, 7100.0), np.array(heights, np.float64)
+    return GroundPoints(np.arange(count), *places, none, none, none, np.full(count, 2, np.int16), none)
+
+
 def test_the_grid_holds_what_the_pair_sees():
-    surface = surface_of(block(), EpipolarPairs(pairs=(PAIR,)), None)
+    surface = surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(40.0), None)
     grid = surface.grid
     west, south, east, north = pair_bounds(PAIR, 20.0, 60.0)
     assert grid.west <= west < grid.west + grid.cell and grid.north - grid.cell < north <= grid.north
     assert grid.cols * grid.cell >= east - grid.west and grid.rows * grid.cell >= grid.north - south
-    assert grid.cell == 1.0 and surface_of(block(), EpipolarPairs(pairs=(PAIR,)), 0.4).grid.cell == 0.4
+    assert grid.cell == 1.0 and surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(), 0.4).grid.cell == 0.4
     assert surface.height_low < 20.0 < 60.0 < surface.height_high
     assert height_bounds(EpipolarPairs(pairs=(PAIR,))) == (surface.height_low, surface.height_high)
+
+
+def test_the_cell_is_that_of_most_of_the_surface():
+    """Not of the middle between the highest and the lowest that may be: a mast would halve it."""
+    pairs, high = EpipolarPairs(pairs=(PAIR,)), block(20.0, 1380.0)
+    fine, coarse = (surface_of(high, pairs, points_at(z, z, 900.0, x=x), None).grid.cell for z, x in ((700.0, 4200.0), (20.0, 1.0)))
+    assert (fine, coarse) == (0.25, 1.0)
+
+
+def test_an_area_bounds_the_grid_and_the_points_that_set_its_cell():
+    pairs, (west, south, _, north) = EpipolarPairs(pairs=(PAIR,)), pair_bounds(PAIR, 20.0, 60.0)
+    area = (west + 50.0, south - 90.0, west + 150.0, north - 30.0)
+    points = points_at(40.0, 700.0, 700.0, x=west + 100.0)
+    points.x[1:] = west + 200.0
+    grid = surface_of(block().model_copy(update={"area": area}), pairs, points, None).grid
+    assert grid.cell == 1.0, "higher points beside the area have no part in it"
+    assert grid.west == np.floor(west + 50.0) and grid.cols == np.ceil(west + 150.0) - grid.west
+    assert grid.north == np.ceil(north - 30.0) and grid.rows == grid.north - np.floor(south)
+    beside = block().model_copy(update={"area": (west - 90.0, south, west - 50.0, north)})
+    with pytest.raises(GeometryError, match="no ground in the area"):
+        surface_of(beside, pairs, points, None)
 
 
 def test_parallaxes_of_tilted_pairs_widen_the_heights_no_farther_than_the_block_asks_for():
@@ -249,7 +278,7 @@ def test_cells_have_round_sizes(pixel, cell):
 
 def test_without_pairs_there_is_one_clear_sentence():
     with pytest.raises(GeometryError, match="epipolar report"):
-        surface_of(block(), EpipolarPairs(pairs=()), None)
+        surface_of(block(), EpipolarPairs(pairs=()), points_at(), None)
 
 
 def hill_with(radius: float, height: float, side: int = 90) -> tuple[np.ndarray, np.ndarray]:

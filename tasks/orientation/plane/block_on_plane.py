@@ -13,11 +13,12 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
 from orthomill.schemas.observations import GroundPoints
-from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance
-from orthomill.schemas.project import PlaneChoice
+from orthomill.schemas.orientation import Area, Block, ExteriorOrientation, JointCovariance, in_area
+from orthomill.schemas.project import PlaneSurface
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
 from orthomill.tasks.orientation.plane.surface_plane import SurfacePlane, surface_plane
+from orthomill.tasks.orientation.plane.wall_area import wall_area
 
 Rows = tuple[tuple[float, ...], ...]
 _CRS = (
@@ -38,6 +39,8 @@ class PlaneRecord(BaseModel):
     right: tuple[float, float, float]
     up: tuple[float, float, float]
     normal: tuple[float, float, float]
+    area: Area | None = None
+    """of x and y, where the surface is made: (x, y, x, y) of its lower left and upper right corner; None: all that pairs see"""
 
 
 class OnPlane(NamedTuple):
@@ -54,12 +57,17 @@ SURVEY_POINTS = Table("orientation/survey_points.parquet", GroundPoints)
 PLANE = Table("orientation/plane.json", PlaneRecord)
 
 
-def block_on_plane(block: Block, points: GroundPoints, choice: PlaneChoice) -> OnPlane:
+def block_on_plane(block: Block, points: GroundPoints, ground: PlaneSurface) -> OnPlane:
     """Block and tie points in the system of the plane that the workflow chooses. Raises GeometryError."""
     places = np.column_stack([points.x, points.y, points.z])
-    plane = surface_plane(choice, places, np.array([photo.centre for photo in block.photos]))
+    centres = np.array([photo.centre for photo in block.photos])
+    upwards = np.array([rotation_matrix(*np.radians(photo.omega_phi_kappa))[1] for photo in block.photos])
+    plane = surface_plane(ground.plane, places, centres, upwards)
     moved = plane.of(places)
-    low, high = np.percentile(moved[:, 2], [0.5, 99.5]) if len(moved) else (-1.0, 1.0)
+    area = wall_area(moved, plane.of(centres)) if ground.area == "auto" else ground.area
+    # What lies beside the area would widen the range of heights that is searched on it.
+    heights = moved[in_area(area, moved[:, 0], moved[:, 1]), 2]
+    low, high = np.percentile(heights, [0.5, 99.5]) if len(heights) else (-1.0, 1.0)
     by_photo = {photo.photo: _spread(photo, plane) for photo in block.photos}
     turned = block.model_copy(
         update={
@@ -68,14 +76,15 @@ def block_on_plane(block: Block, points: GroundPoints, choice: PlaneChoice) -> O
             "joint": tuple(_joint(pair, by_photo) for pair in block.joint),
             "ground_low": float(low),
             "ground_high": float(high),
+            "area": area,
         }
     )
-    return OnPlane(turned, _points(points, moved, plane), _record(block.crs, plane))
+    return OnPlane(turned, _points(points, moved, plane), _record(block.crs, plane, area))
 
 
-def _record(crs: str, plane: SurfacePlane) -> PlaneRecord:
+def _record(crs: str, plane: SurfacePlane, area: Area | None) -> PlaneRecord:
     right, up, normal = (_triple(axis) for axis in plane.rotation)
-    return PlaneRecord(crs=crs, origin=_triple(plane.origin), right=right, up=up, normal=normal)
+    return PlaneRecord(crs=crs, origin=_triple(plane.origin), right=right, up=up, normal=normal, area=area)
 
 
 def _triple(values: np.ndarray) -> tuple[float, float, float]:

@@ -13,16 +13,17 @@ import numpy as np
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.project import FacadeFound, FittedPlane, PlaneChoice, PlaneOfPoints
+from orthomill.tasks.orientation.plane.wall_area import LEAST_POINTS, shortest_halves
 
 DIRECTIONS = 180
 """Upright planes that are compared: one for each degree"""
 TRIPLES = 500
-LEAST_POINTS = 20
-"""Tie points below which no plane is found among them."""
 MOST_POINTS = 5000
 """Of more tie points an even selection finds the same plane."""
 _LEVEL = 0.9
 """Cosine of the angle with the vertical beyond which a plane is a floor, on which no direction is upwards."""
+_OVERHEAD = 0.3
+"""Minus the mean cosine between what is up in the photographs and in the project from which the project is upside down"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,9 @@ class SurfacePlane:
         return (points - self.origin) @ self.rotation.T
 
 
-def surface_plane(choice: PlaneChoice, points: np.ndarray, centres: np.ndarray) -> SurfacePlane:
-    """The plane that a workflow chooses, with its front towards the projection centres (P, 3); `points` (N, 3) are tie points.
+def surface_plane(choice: PlaneChoice, points: np.ndarray, centres: np.ndarray, upwards: np.ndarray) -> SurfacePlane:
+    """The plane that a workflow chooses, with its front towards the projection centres (P, 3); `points` (N, 3) are tie points, and
+    `upwards` (P, 3) the directions that are up in the photographs.
 
     Raises GeometryError where there are too few of them to find a plane, or the photographs stand on both sides of it.
     """
@@ -57,7 +59,7 @@ def surface_plane(choice: PlaneChoice, points: np.ndarray, centres: np.ndarray) 
         place, normal = a, np.cross(b - a, c - a)
     else:
         place, normal = np.array(choice.point), np.array(choice.normal)
-    return _system(place, normal / np.linalg.norm(normal), points, centres)
+    return _system(place, normal / np.linalg.norm(normal), points, centres, upwards)
 
 
 def _upright(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,17 +67,9 @@ def _upright(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     angle = np.radians(np.arange(DIRECTIONS) * 180.0 / DIRECTIONS)
     normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(DIRECTIONS)])
     middle = points.mean(axis=0)
-    widths, offsets = _shortest_halves((points - middle) @ normals.T)
+    widths, offsets = shortest_halves((points - middle) @ normals.T)
     best = int(np.argmin(widths))
     return middle + offsets[best] * normals[best], normals[best]
-
-
-def _shortest_halves(distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of every column (N, D): the width of the narrowest interval that holds half of the values, and its middle (D,)."""
-    ordered, half = np.sort(distances, axis=0), (len(distances) + 1) // 2
-    width = ordered[half:] - ordered[: len(ordered) - half]
-    first, column = width.argmin(axis=0), np.arange(distances.shape[1])
-    return width[first, column], 0.5 * (ordered[first, column] + ordered[first + half, column])
 
 
 def _fitted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,15 +81,15 @@ def _fitted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     length = np.linalg.norm(normals, axis=1)
     normals = normals[length > 1e-9 * length.max()] / length[length > 1e-9 * length.max(), None]
     middle = points.mean(axis=0)
-    widths, offsets = _shortest_halves((points - middle) @ normals.T)
+    widths, offsets = shortest_halves((points - middle) @ normals.T)
     best = int(np.argmin(widths))
     normal, place = normals[best], middle + offsets[best] * normals[best]
     near = points[np.abs((points - place) @ normal) <= 1.5 * widths[best]]
     return near.mean(axis=0), np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2][2]
 
 
-def _system(place: np.ndarray, normal: np.ndarray, points: np.ndarray, centres: np.ndarray) -> SurfacePlane:
-    """The system on a plane; where it stands, its second coordinate is the height of the project."""
+def _system(place: np.ndarray, normal: np.ndarray, points: np.ndarray, centres: np.ndarray, upwards: np.ndarray) -> SurfacePlane:
+    """The system on a plane; where it stands, its second coordinate is the height of the project (or depth, where that is up)."""
     before = (centres - place) @ normal
     # Most decide: one photograph from behind, through a window, must not refuse the block.
     if np.sum(before > 0) * 2 < len(before):
@@ -107,6 +101,9 @@ def _system(place: np.ndarray, normal: np.ndarray, points: np.ndarray, centres: 
         )
     floor = abs(normal[2]) > _LEVEL
     up = np.array([0.0, 1.0, 0.0]) if floor else np.array([0.0, 0.0, 1.0])
+    # Systems of scanners and of computer vision may have a Z that points downwards, and a facade must not stand on its head.
+    if not floor and np.mean(upwards @ up) < -_OVERHEAD:
+        up = -up
     up = up - (up @ normal) * normal
     up /= np.linalg.norm(up)
     right = np.cross(up, normal)
