@@ -25,6 +25,7 @@ from orthomill.tasks.projection.outputs import (
     PhotographOutput,
     PlaneOutput,
 )
+from orthomill.tasks.projection.reporting.misplaced_surface import fitting_unit, refuse_tiny, shown_by, why_unseen
 
 MOST_PIXELS = 2_000_000_000
 """Pixels of one output beyond which its unit or its pixel is taken for a mistake"""
@@ -34,9 +35,8 @@ LEAST_PROBES = 20_000
 """points that stand for the surface of a mesh of fewer triangles"""
 _TRIM = 0.3
 """per cent of the seen surface on either side that an extent leaves out: single triangles far from the object"""
-_UNITS = {1000.0: "mm", 100.0: "cm"}
-_FITTING, _LEAST_SIZE = 0.2, 50.0
-"""part of the surface that photographs show where it has the right unit, and its least size in their pixels"""
+_EDGE_ON = 0.02
+"""mean cosine between the surface and the plane of an output below which nothing of it could be seen there"""
 _UP = np.array([0.0, 0.0, 1.0])
 _LEVEL, _OVERHEAD = 0.7, 0.3
 """Z of the normal from which a plane is a floor and no wall; minus the mean cosine from which photographs are upside down"""
@@ -92,34 +92,9 @@ def seen_surface(
     fitting = fitting_unit(views, middles, float(shown.mean()))
     # What a workflow states is believed as long as anything is in sight.
     if not shown.any() or (fitting and unit == "auto"):
-        raise GeometryError(_why_unseen(census, views, float(shown.mean()), fitting, unit))
+        raise GeometryError(why_unseen(census, views, float(shown.mean()), fitting, unit))
+    refuse_tiny(census, views, middles, sizes, unit)
     return SeenSurface(middles[shown], normals[shown], views, float(np.median(sizes)))
-
-
-def shown_by(views: tuple[View, ...], points: np.ndarray) -> tuple[np.ndarray, list[float]]:
-    """bool (N,): points that lie in some photograph, hidden or not; and of each photograph the median side of a pixel there, m."""
-    shown, sizes = np.zeros(len(points), bool), []
-    for view in views:
-        inside = view.contains(view.project(points))
-        shown |= inside
-        if inside.any():
-            sizes.append(float(np.median(np.linalg.norm(points[inside] - view.centre, axis=1))) / view.camera.c)
-    return shown, sizes
-
-
-def fitting_unit(views: tuple[View, ...], points: np.ndarray, share: float) -> str:
-    """The unit in which the photographs would show much more of points (N, 3) than the `share` that they show in metres, or "".
-
-    A surface a thousand times too large surrounds the photographs, which then show little of it, from inside.
-    """
-    some = points[:: max(len(points) // 5000, 1)]
-    size, shares = float(np.linalg.norm(np.ptp(some, axis=0))), {"": 0.0}
-    for factor, unit in _UNITS.items():
-        shown, sizes = shown_by(views, some / factor)
-        # Anything fits into a photograph if it is only small enough.
-        shares[unit] = float(shown.mean()) if sizes and size / factor > _LEAST_SIZE * float(np.median(sizes)) else 0.0
-    best = max(shares, key=lambda unit: shares[unit])
-    return best if shares[best] > max(_FITTING, 3.0 * share) else ""
 
 
 def spread_over(corners: np.ndarray, side: int) -> np.ndarray:
@@ -131,27 +106,6 @@ def spread_over(corners: np.ndarray, side: int) -> np.ndarray:
     second = np.concatenate([(j[upright] + 1 / 3) / side, (j[turned] + 2 / 3) / side])
     shares = np.stack([1.0 - first - second, first, second], axis=1)
     return np.einsum("nk,tki->tni", shares, corners).reshape(-1, 3)
-
-
-def _why_unseen(census: MeshCensus, views: tuple[View, ...], share: float, fitting: str, unit: str) -> str:
-    """Why the photographs show nothing of the mesh, or so little, in a sentence."""
-    centre = np.mean([view.centre for view in views], axis=0)
-    distance = float(np.linalg.norm(census.middle - centre))
-    spread = float(np.linalg.norm(np.ptp([view.centre for view in views], axis=0)))
-    part = f"{100 * share:.0f} % of the surface is" if share else "None of the surface is"
-    text = (
-        f"{part} in the frame of any of the {len(views)} photographs: its middle lies {distance:.4g} m from theirs, which are "
-        f"{spread:.4g} m apart, and it is {census.size:.4g} m large."
-    )
-    if fitting and unit != "auto":
-        times = next(factor for factor, name in _UNITS.items() if name == fitting)
-        return f"{text} It would fit {times:g} times smaller: is `unit: {unit}` right?"
-    if fitting:
-        return f"{text} In {fitting} it would fit: set `unit: {fitting}` (or `unit: m`, if it is right)."
-    facing = np.mean([-(view.rotation[2] @ (census.middle - view.centre)) > 0 for view in views])
-    if distance < 5 * max(spread, census.size) and facing < 0.5:
-        return f"{text} The photographs look away from it: the rotations of the orientation are of another convention."
-    return f"{text} The two are in different systems: give the `shift` of the mesh, or orient the photographs in its system."
 
 
 def round_pixel(size: float) -> float:
@@ -285,11 +239,7 @@ def _plane(output: PlaneOutput, seen: SeenSurface, pixel: float) -> FlatFrame:
         width, height = output.size
         (left, right), (bottom, top) = (-0.5 * width, 0.5 * width), (-0.5 * height, 0.5 * height)
     cols, rows = max(round((right - left) / pixel), 1), max(round((top - bottom) / pixel), 1)
-    facing = np.abs(seen.normals @ axes.normal).sum() / max(float(np.linalg.norm(seen.normals, axis=1).sum()), 1e-300)
-    if facing < 0.02:
-        raise GeometryError(
-            f"The plane of '{output.name}' is edge-on: the surface shows it {100 * facing:.1f} % of its area. Give another normal."
-        )
+    _refuse_edge_on(output, axes, seen)
     return FlatFrame(
         name=output.name,
         rows=rows,
@@ -300,6 +250,24 @@ def _plane(output: PlaneOutput, seen: SeenSurface, pixel: float) -> FlatFrame:
         normal=vector(axes.normal),
         pixel=pixel,
     )
+
+
+def _refuse_edge_on(output: PlaneOutput, axes: PlaneAxes, seen: SeenSurface) -> None:
+    """Raises GeometryError where all of the surface lies across the plane of an output."""
+    turned = float(np.abs(seen.normals @ axes.normal).sum()) / max(float(np.linalg.norm(seen.normals, axis=1).sum()), 1e-300)
+    if turned < _EDGE_ON:
+        # The direction in which most of the area faces, whichever way round its triangles are stored.
+        most = np.linalg.eigh(seen.normals.T @ seen.normals)[1][:, 2]
+        most = most if most @ (seen.camera_side - axes.point) > 0 else -most
+        raise GeometryError(
+            f"The plane of '{output.name}' is edge-on: the surface is turned towards its normal {_listed(axes.normal)} by "
+            f"{np.degrees(np.arcsin(turned)):.1f} degrees on average. Most of the surface faces {_listed(most)}: give that as "
+            "the normal, or `plane: {kind: facade}`."
+        )
+
+
+def _listed(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in np.round(values, 2) + 0.0) + ")"
 
 
 def _cylinder(output: CylinderOutput, pixel: float) -> CylinderFrame:

@@ -2,12 +2,11 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from orthomill.schemas.solid.census import MeshCensus
-from orthomill.schemas.solid.frames import AnyFrame, FlatFrame, ViewFrame
+from orthomill.schemas.solid.frames import FlatFrame, ViewFrame
 from orthomill.schemas.stage_report import Answer, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.tasks.imagery.radiometric_balance import Radiometry
 from orthomill.tasks.projection.facing import MeshFacing
@@ -15,6 +14,18 @@ from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
 from orthomill.tasks.projection.model.model_colours import TileFacts
 from orthomill.tasks.projection.model.model_words import model_products, texture_figures
 from orthomill.tasks.projection.projection_colours import NO_SURFACE, ProjectionTile
+from orthomill.tasks.projection.reporting.output_doubts import output_doubts
+from orthomill.tasks.projection.reporting.output_totals import OutputFacts, OutputTotals
+from orthomill.tasks.projection.reporting.surface_doubts import (
+    FEW,
+    hole_doubts,
+    median,
+    mended,
+    mesh_doubts,
+    strange_doubts,
+    unlike_doubts,
+    unrelated,
+)
 from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.sight import PlaceSight
 
@@ -30,53 +41,8 @@ PICTURED = 6
 """photographs whose depths the report shows"""
 _ROUGH = 1.25
 """gradient energy from which a picture shows more than the photograph itself: finer photographs, or wrong edges"""
-_UNRELATED, _SMALL = 14.0, 0.02
-"""dB of photographs made again from the others below which they show different things; part of the photographs that is too little
-for a surface that they were taken of"""
-_FILLED, _SHARP, _BACKS, _UNLIKE, _BEHIND, _FEW = 0.9, 0.9, 0.2, 1.5, 0.5, 4
-"""Part of the surface that a good output colours; gradient energy of a sharp blend; part of backs that is worth a warning; a
-photograph whose difference is so many times the median disagrees with the block; part of an output that shows backs; triangles
-that are too few for a surface"""
-
-
-@dataclass(frozen=True)
-class OutputFacts:
-    """An output, its number of tiles, and the side of its pixel on the surface, m."""
-
-    frame: AnyFrame
-    tiles: int
-    pixel: float
-
-
-@dataclass(frozen=True, eq=False)
-class _OutputTotals:
-    """Sums over the tiles of an output."""
-
-    facts: OutputFacts
-    tiles: tuple[ProjectionTile, ...]
-
-    def sum(self, field: str) -> float:
-        """Of a number of the tiles."""
-        return sum(getattr(tile, field) for tile in self.tiles)
-
-    @property
-    def name(self) -> str:
-        return self.facts.frame.name
-
-    @property
-    def seen(self) -> tuple[int, ...]:
-        """Pixels that 0, 1, 2, 3 or more photographs see."""
-        return tuple(sum(tile.seen[k] for tile in self.tiles) for k in range(4))
-
-    @property
-    def coloured(self) -> float:
-        """Part of the surface that has a colour."""
-        return self.sum("coloured") / max(self.sum("surface"), 1)
-
-    @property
-    def difference(self) -> float | None:
-        """Mean difference of the blended colours from their mean, grey levels."""
-        return self.sum("difference_sum") / self.sum("difference_count") if self.sum("difference_count") else None
+_FILLED, _SHARP = 0.9, 0.9
+"""part of the surface that a good output colours; gradient energy of a sharp blend"""
 
 
 def projection_report(
@@ -97,24 +63,24 @@ def projection_report(
     widening: how wide the zone next to the limits of what is hidden is."""
     totals, start = [], 0
     for facts in outputs:
-        totals.append(_OutputTotals(facts, statistics[start : start + facts.tiles]))
+        totals.append(OutputTotals(facts, statistics[start : start + facts.tiles]))
         start += facts.tiles
     compared = tuple(one for one in left_out if one.blended is not None)
-    losses = (*_empty_warnings(census, totals), *_mesh_warnings(census), *_strange_warnings(facing, compared))
-    losses += (*_unlike_warnings(compared), *_hole_warnings(facing))
+    losses = (*output_doubts(census, totals), *mesh_doubts(census), *strange_doubts(facing, compared))
+    losses += (*unlike_doubts(compared), *hole_doubts(facing))
     return StageReport(
-        verdict=_verdict(totals, compared),
+        verdict=_verdict(census, totals, compared),
         answers=tuple(_answers(census, totals)),
         products=(*_products(totals), *(model_products(whole_model) if textures else ())),
         figures=(*_figures(census, totals, radiometry, compared, widening), *(texture_figures(textures) if textures else ())),
         grids=(*_grids(totals, facing, left_out), *_width_grid(widening)),
         pictures=(*_pictures(totals, left_out, proofs), *_depths(pictured)),
-        warnings=(*losses, *_notes(census, facing)),
+        warnings=(*losses, *mended(census, facing)),
         losses=losses,
     )
 
 
-def _answers(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator[Answer]:
+def _answers(census: MeshCensus, totals: list[OutputTotals]) -> Iterator[Answer]:
     pixels = sorted({frame.pixel for total in totals if not isinstance(frame := total.facts.frame, ViewFrame)})
     if pixels:
         sides = " and ".join(f"{1000 * pixel:g} mm" for pixel in pixels)
@@ -124,20 +90,20 @@ def _answers(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator[Answer
     yield Answer(topic=Topic.ORTHOIMAGE, text="; ".join(map(_described, totals)) + ".")
 
 
-def _described(total: _OutputTotals) -> str:
+def _described(total: OutputTotals) -> str:
     frame = total.facts.frame
     size = f"{frame.cols} x {frame.rows} px"
     return f"{total.name}: {size}" if isinstance(frame, ViewFrame) else f"{total.name}: {size} of {1000 * frame.pixel:g} mm"
 
 
-def _verdict(totals: list[_OutputTotals], compared: tuple[LeftOutPhotograph, ...]) -> Verdict:
+def _verdict(census: MeshCensus, totals: list[OutputTotals], compared: tuple[LeftOutPhotograph, ...]) -> Verdict:
     worst = min(totals, key=lambda total: total.coloured)
     text = f"{100 * worst.coloured:.1f} % of the surface in '{worst.name}' has a colour"
-    energy = _median([one.blended.gradient for one in compared if one.blended])
+    energy = median([one.blended.gradient for one in compared if one.blended])
     if energy is not None:
         text += f"; photographs made again from the others are {_sharpness(energy)}"
-    good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP)
-    poor = worst.coloured <= 0.5 or _unrelated(compared)
+    good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP) and census.triangles >= FEW
+    poor = worst.coloured <= 0.5 or unrelated(compared)
     return Verdict(level="poor" if poor else "good" if good else "fair", sentence=text + ".", weighs=True)
 
 
@@ -150,21 +116,11 @@ def _sharpness(energy: float) -> str:
     return "as sharp as they were taken" if energy >= _SHARP else f"blurred: {contrast} is left"
 
 
-def _unrelated(compared: tuple[LeftOutPhotograph, ...]) -> bool:
-    """Whether the photographs show different things on the surface."""
-    psnr = _median([one.blended.psnr for one in compared if one.blended])
-    return psnr is not None and psnr < _UNRELATED
-
-
-def _median(values: list[float]) -> float | None:
-    return float(np.median(values)) if values else None
-
-
-def _called(total: _OutputTotals) -> str:
+def _called(total: OutputTotals) -> str:
     return f"{'True orthoimage' if isinstance(total.facts.frame, FlatFrame) else 'Picture'} '{total.name}'"
 
 
-def _products(totals: list[_OutputTotals]) -> Iterator[Product]:
+def _products(totals: list[OutputTotals]) -> Iterator[Product]:
     for total in totals:
         path = f"products/{total.name}.{'tif' if isinstance(total.facts.frame, FlatFrame) else 'png'}"
         yield Product(path=path, purpose=f"{_called(total)} of the surface", main=True)
@@ -185,7 +141,7 @@ def _width_grid(widening: ChosenWidth) -> Iterator[Grid]:
 
 def _figures(
     census: MeshCensus,
-    totals: list[_OutputTotals],
+    totals: list[OutputTotals],
     radiometry: Radiometry,
     compared: tuple[LeftOutPhotograph, ...],
     widening: ChosenWidth,
@@ -222,7 +178,7 @@ def _figures(
     )
     for kind in ("blended", "nearest"):
         for measure, unit in (("psnr", "dB"), ("ssim", ""), ("gradient", "")):
-            value = _median([getattr(getattr(one, kind), measure) for one in compared])
+            value = median([getattr(getattr(one, kind), measure) for one in compared])
             sentence = f"Median {_MEASURES[measure]} of photographs made again from the others, {_KINDS[kind]}."
             yield Figure(name=f"left_out_{kind}_{measure}", value=_rounded(value), unit=unit, sentence=sentence)
 
@@ -239,7 +195,7 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
 
 
-def _output_figures(total: _OutputTotals) -> Iterator[Figure]:
+def _output_figures(total: OutputTotals) -> Iterator[Figure]:
     surface, values = max(total.sum("surface"), 1), max(total.sum("values"), 1)
     name = total.name
     yield Figure(
@@ -264,7 +220,7 @@ def _output_figures(total: _OutputTotals) -> Iterator[Figure]:
     )
 
 
-def _grids(totals: list[_OutputTotals], facing: MeshFacing, left_out: tuple[LeftOutPhotograph, ...]) -> Iterator[Grid]:
+def _grids(totals: list[OutputTotals], facing: MeshFacing, left_out: tuple[LeftOutPhotograph, ...]) -> Iterator[Grid]:
     for total in totals:
         yield _sight_grid(total, facing)
     if left_out:
@@ -287,7 +243,7 @@ def _grids(totals: list[_OutputTotals], facing: MeshFacing, left_out: tuple[Left
         yield Grid(title="Photographs from the others", columns=columns, rows=rows, note=note)
 
 
-def _sight_grid(total: _OutputTotals, facing: MeshFacing) -> Grid:
+def _sight_grid(total: OutputTotals, facing: MeshFacing) -> Grid:
     shares: Counter[str] = Counter()
     sights: dict[str, np.ndarray] = {}
     for tile in total.tiles:
@@ -319,7 +275,7 @@ def _left_out_row(one: LeftOutPhotograph) -> tuple[float | str | None, ...]:
     return (one.photo, round(100 * one.covered, 1), *three("blended"), *three("nearest"), _rounded(one.difference))
 
 
-def _pictures(totals: list[_OutputTotals], left_out: tuple[LeftOutPhotograph, ...], proofs: tuple[str, ...]) -> Iterator[Picture]:
+def _pictures(totals: list[OutputTotals], left_out: tuple[LeftOutPhotograph, ...], proofs: tuple[str, ...]) -> Iterator[Picture]:
     # What can be measured in comes first; pictures lead only where there is nothing else.
     flat = [total for total in totals if isinstance(total.facts.frame, FlatFrame)]
     for total in totals:
@@ -345,23 +301,6 @@ def _pictures(totals: list[_OutputTotals], left_out: tuple[LeftOutPhotograph, ..
         )
 
 
-def _mesh_warnings(census: MeshCensus) -> Iterator[str]:
-    """What the mesh is, where it is not what one expects."""
-    if census.triangles < _FEW:
-        count = "one triangle" if census.triangles == 1 else f"{census.triangles} triangles"
-        yield f"The surface has {count} only, {census.size:.4g} m large: is it the right file?"
-    if census.triangulated:
-        yield (
-            f"The file of the surface has no triangles: its {census.vertices} points were joined in the plane that fits them best, "
-            "with one depth at each place. Overhangs need a mesh."
-        )
-    if census.turned_edges:
-        yield (
-            f"{census.turned_edges} edges of the mesh lie between triangles that face opposite ways: parts of it are inside out "
-            "and stay without colour. Let the program that made it orient its faces."
-        )
-
-
 def _depths(pictured: tuple[str, ...]) -> Iterator[Picture]:
     for name in pictured:
         yield Picture(
@@ -369,75 +308,4 @@ def _depths(pictured: tuple[str, ...]) -> Iterator[Picture]:
             raster=f"projection/photographs/{name}/picture",
             style="rgb",
             caption="Distance of the surface, near is bright; all of them are in products/depth.",
-        )
-
-
-def _hole_warnings(facing: MeshFacing) -> Iterator[str]:
-    """Photographs that see the inside of the mesh."""
-    backs = [one.photo for one in facing.photos if one.backs > _BACKS * max(one.fronts + one.backs, 1e-9)]
-    if backs:
-        yield (
-            f"{', '.join(backs[:6])} look at the backs of triangles: the mesh has holes there, and nothing behind them is "
-            "coloured. Close the holes, or leave these photographs out where they disturb."
-        )
-
-
-def _empty_warnings(census: MeshCensus, totals: list[_OutputTotals]) -> Iterator[str]:
-    """Outputs that show little of the surface."""
-    for total in totals:
-        if total.sum("surface") == 0:
-            yield (
-                f"'{total.name}' shows no surface: its plane, view or section leaves nothing; move it, or look at the coordinates "
-                f"of the mesh ({', '.join(f'{value:.6g}' for value in census.low)} to "
-                f"{', '.join(f'{value:.6g}' for value in census.high)})."
-            )
-        elif total.sum("backs") > _BEHIND * total.sum("surface"):
-            part = 100 * total.sum("backs") / total.sum("surface")
-            yield (
-                f"{part:.0f} % of the surface in '{total.name}' shows its back, which nothing is painted on: it is seen from "
-                "inside or from behind. Move the position or turn the plane round."
-            )
-        elif total.coloured < 0.5:
-            yield (
-                f"Only {100 * total.coloured:.0f} % of the surface in '{total.name}' is seen by a photograph; the rest stays "
-                "empty. Photographs from more sides would fill it."
-            )
-
-
-def _strange_warnings(facing: MeshFacing, compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:
-    """A surface that the photographs were hardly taken of."""
-    largest = max((one.fronts + one.backs for one in facing.photos), default=1.0)
-    if _unrelated(compared):
-        yield (
-            "Made again from the others, the photographs are unlike themselves throughout: on this surface they show different "
-            "things. The unit of the surface or its place is wrong, or it belongs to another orientation."
-        )
-    if largest < _SMALL:
-        yield (
-            f"The surface fills {100 * largest:.1f} % of a photograph at most: is its unit the right one, and is it what was "
-            "photographed?"
-        )
-
-
-def _unlike_warnings(compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:
-    """Photographs that are unlike what the others show of the same places."""
-    differences = [one.difference for one in compared if one.difference is not None]
-    usual = float(np.median(differences)) if len(differences) > 2 else np.inf
-    for one in compared:
-        if one.difference is not None and one.difference > _UNLIKE * usual:
-            yield (
-                f"{one.photo} disagrees with the others: it differs by {one.difference:.1f} grey levels where {usual:.1f} are "
-                "usual. Its orientation or its brightness is wrong, or something moved; look at its picture below."
-            )
-
-
-def _notes(census: MeshCensus, facing: MeshFacing) -> Iterator[str]:
-    """What was done about the mesh, which costs nothing."""
-    if facing.turned:
-        yield "The triangles of the mesh face inwards: it was turned, because the photographs see more of their backs than fronts."
-    mended = census.not_finite + census.degenerate + census.duplicate
-    if mended:
-        yield (
-            f"{mended} of {census.read} triangles of the mesh were left out: {census.not_finite} not finite, {census.degenerate} "
-            f"without area, {census.duplicate} twice."
         )

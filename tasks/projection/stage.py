@@ -73,7 +73,9 @@ from orthomill.tasks.projection.projection_jobs import (
     statistics_table,
     surfaces_job,
 )
-from orthomill.tasks.projection.report import PICTURED, OutputFacts, projection_report
+from orthomill.tasks.projection.report import PICTURED, projection_report
+from orthomill.tasks.projection.reporting.output_doubts import degrees_before
+from orthomill.tasks.projection.reporting.output_totals import OutputFacts
 from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
 from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, WideningRules
 from orthomill.tasks.projection.widening.widening_jobs import WIDENING, WideningJobs, choice
@@ -372,6 +374,12 @@ class ProjectionStage(Stage):
             scratch=120 * frame.rows * frame.cols,
         )
 
+    def _facts(self, colour: ColourJobs) -> OutputFacts:
+        jobs, block = colour.frame, colour.basis.block
+        centres = [block.of(name).centre for name in colour.basis.names]
+        cut = not isinstance(jobs.section, NoSection)
+        return OutputFacts(jobs.frame, len(jobs.tiles), colour.pixel, degrees_before(jobs.frame, centres), cut)
+
     def _results(
         self, coloured: list[ColourJobs], outputs: int, basis: ProjectionBasis, model: ModelJobs | None
     ) -> Iterator[Job | Export]:
@@ -387,7 +395,7 @@ class ProjectionStage(Stage):
         }
         if self._widening:
             reads["widening"] = self._widening
-        facts = tuple(OutputFacts(colour.frame.frame, len(colour.frame.tiles), colour.pixel) for colour in made)
+        facts = tuple(self._facts(colour) for colour in made)
         proven = tuple(colour.frame.name for colour in proofs)
         writes = {"report": report_table("projection")}
         pictured = basis.names[:PICTURED] if self.depth_pictures else ()

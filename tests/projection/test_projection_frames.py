@@ -121,6 +121,11 @@ def test_a_halved_camera_shows_what_the_level_shows():
     np.testing.assert_allclose(level, full_to_level(full, 2), atol=1e-9)
 
 
+def speck() -> TriangleMesh:
+    """One triangle of five centimetres in the middle of the photographs."""
+    return TriangleMesh(np.array([[-0.02, 0, 1.5], [0.02, 0, 1.5], [0, 0, 1.53]]), np.array([[0, 1, 2]], np.int32))
+
+
 def scaled(factor: float, shift=(0.0, 0.0, 0.0)) -> TriangleMesh:
     mesh = scene.mesh()
     return TriangleMesh(mesh.vertices * factor + shift, mesh.triangles)
@@ -130,6 +135,10 @@ def scaled(factor: float, shift=(0.0, 0.0, 0.0)) -> TriangleMesh:
     ("output", "mesh", "words"),
     [
         (PLANE, scaled(1.0, (0.0, 0.0, 60.0)), "None of the surface is in the frame of any of the 4 photographs"),
+        (PLANE, scaled(1.0, (0.0, 10_000.0, 0.0)), r"fills no more than 0.1 pixels .* lies 1000\d m from theirs.*far behind what"),
+        (PLANE, scaled(1.0, (10_000.0, 0.0, 0.0)), "its middle lies 10000 m from theirs, which are 4.8"),
+        (PLANE, scaled(0.01, (0.0, 0.0, 1.4)), "fills no more than 2 pixels .* Give its `unit`"),
+        (PLANE, speck(), r"The surface \(one triangle\) fills no more than 1.9 pixels"),
         (PLANE, scaled(1.0, (0.0, -200.0, 0.0)), "its middle lies 19.* m from theirs, .* different systems"),
         (
             {**PLANE, "plane": {"kind": "normal", "point": (0, 0, 0), "normal": (0, 0, 0.0001)}, "pixel": 1e-6},
@@ -168,6 +177,9 @@ def test_millimetres_taken_for_metres_are_recognised_although_the_photographs_sh
     with pytest.raises(GeometryError, match="1000 times smaller: is `unit: m` right"):
         framed(PLANE, TriangleMesh(scene.mesh().vertices * 1000.0, scene.mesh().triangles), unit="m")
     assert framed(PLANE, ball, block, unit="auto").pixel < 0.03
+    tiny = TriangleMesh(scene.mesh().vertices / 100.0, scene.mesh().triangles)
+    with pytest.raises(GeometryError, match="It would fit 100 times larger: is `unit: cm` right"):
+        framed(PLANE, tiny, unit="cm")
 
 
 def test_photographs_that_all_look_away_are_a_sentence():
@@ -188,7 +200,9 @@ def test_photographs_that_all_look_away_are_a_sentence():
 
 def test_a_plane_edge_on_is_a_sentence():
     wall = TriangleMesh(np.array([[-2.0, 0, 0], [2, 0, 0], [2, 0, 3], [-2, 0, 3]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    with pytest.raises(GeometryError, match=r"'front' is edge-on: the surface shows it 0.0 % of its area"):
+    with pytest.raises(
+        GeometryError, match=r"edge-on: .* \(1.00, 0.00, 0.00\) by 0.0 degrees .* faces \(0.00, -1.00, 0.00\): give that"
+    ):
         framed({**PLANE, "plane": {"kind": "normal", "point": (0, 0, 0), "normal": (1, 0, 0)}}, wall)
 
 
