@@ -13,7 +13,7 @@ from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengt
 from orthomill.tasks.adjustment.model.datum import PriorFactors, add_prior, prior_cost, prior_factors
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised, structure
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights
+from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_losses, huber_weights
 from orthomill.tasks.adjustment.solve.bundle_step import BundleStep, step_of
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import inverse_of
@@ -25,6 +25,8 @@ from orthomill.tasks.adjustment.sparse.block_matrix import diagonal_places
 # Undamped steps converge quadratically: after one of a tenth of a standard error the next is some thousandths of it.
 NEGLIGIBLE = 1e-2
 """An undamped step that gains less, in squares of standard errors, is the last."""
+SMALL = 0.1
+"""Gain of a damped step, in squares of standard errors, after which one that gains no more than NEGLIGIBLE is the last"""
 
 # In a curved valley damping that falls too far fails at every other step, so that it falls slowly once a step has failed.
 FAST, GENTLE = 0.1, 1.0 / 3.0
@@ -54,7 +56,12 @@ END_DAMPING = 1e-3
 
 
 class NotConverged(GeometryError):
-    """Observations that pull against each other so that no solution was reached."""
+    """Observations that pull against each other so that no solution was reached; `photo`: the number of the photograph whose
+    measurements alone kept steps short, None where it is no single one."""
+
+    def __init__(self, message: str, photo: int | None = None) -> None:
+        super().__init__(message)
+        self.photo = photo
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +76,16 @@ class _Bundle:
 @dataclass(frozen=True, eq=False)
 class _Iterate:
     """A solution on the way: its `state` and `cost`, the `damping` of the step that led to it (then: of the next one), how that
-    falls, and what the step gained."""
+    falls, what the step gained, whether it was taken `at_once`, and the last two states of which the second cost more, so that the
+    step to it was `refused`."""
 
     state: State
     cost: float
     damping: float
     ease: float = FAST
     gain: float = np.inf
+    at_once: bool = False
+    refused: tuple[State, State] | None = None
 
 
 def minimise(
@@ -90,11 +100,12 @@ def minimise(
     """Levenberg-Marquardt from `start` with a first `damping`; `huber` in standard errors. Returns the state and the number of
     iterations.
 
-    Stops when a step gains less than `tolerance` of the cost, or an undamped one no more than NEGLIGIBLE. Iterative reweighting
-    with Huber's weights converges slowly and needs no sharp end: it may stop after `most` iterations.
+    Stops when a step gains less than `tolerance` of the cost, or no more than NEGLIGIBLE while it is undamped or follows a SMALL
+    one that succeeded at once as it did. Iterative reweighting with Huber's weights converges slowly and needs no sharp end: it may
+    stop after `most` iterations.
 
     Every point with rays needs two of them (or prior coordinates). Raises GeometryError when the observations do not determine the
-    unknowns, or when `most` iterations do not converge.
+    unknowns, and NotConverged when `most` iterations do not converge.
     """
     bundle = _Bundle(network, rays, huber)
     state = fitted_whole(network, start, huber)
@@ -109,20 +120,36 @@ def minimise(
         then = _next(bundle, now, linear, order, factors)
         # By far the largest table: two of them at a time would decide how large a block fits into memory.
         del linear
-        if then is None or _ended(then, tolerance, len(rays)):
+        if then is None or _ended(now, then, tolerance, len(rays)):
             return (now if then is None else then).state, iteration
         now = replace(then, damping=then.damping * then.ease if then.damping > LEAST_DAMPING else 0.0)
     if np.isfinite(huber) or now.gain <= NEGLIGIBLE:
         return now.state, most
-    raise NotConverged(f"The bundle adjustment did not converge in {most} iterations; check its tie points and starting values.")
+    failure = f"The bundle adjustment did not converge in {most} iterations; check its tie points and starting values."
+    raise NotConverged(failure, _obstacle(bundle, now))
 
 
-def _ended(then: _Iterate, tolerance: float, rays: int) -> bool:
+def _obstacle(bundle: _Bundle, now: _Iterate) -> int | None:
+    """The photograph whose rays make up most of what the last refused step would have cost; None where many share it."""
+    if now.refused is None:
+        return None
+    before, after = (huber_losses(residual_lengths(bundle.network, state, bundle.rays), bundle.huber) for state in now.refused)
+    dearer = np.maximum(np.bincount(bundle.rays.photo, after - before, bundle.network.photos), 0.0)
+    worst = int(dearer.argmax())
+    return worst if 2.0 * dearer[worst] > dearer.sum() else None
+
+
+def _ended(now: _Iterate, then: _Iterate, tolerance: float, rays: int) -> bool:
     """Whether a step gained so little that it was the last."""
     # An undamped step is as long as it should be: what it does not gain is not there.
     if then.damping <= LEAST_DAMPING and then.gain <= NEGLIGIBLE:
         return True
-    return then.gain <= tolerance * then.cost + 1e-15 * rays and then.damping <= END_DAMPING
+    if then.damping > END_DAMPING:
+        return False
+    # Nor is it where small steps that nothing hinders gain less and less: those to come would gain less than this one together.
+    if now.at_once and then.at_once and now.gain <= SMALL and then.gain <= min(NEGLIGIBLE, now.gain / 2.0):
+        return True
+    return then.gain <= tolerance * then.cost + 1e-15 * rays
 
 
 def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, factors: PriorFactors) -> _Iterate | None:
@@ -130,7 +157,7 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
 
     Raises GeometryError where the normal equations are singular at any damping.
     """
-    damping, growth, ease = now.damping, 2.0, now.ease
+    damping, growth, ease, refused = now.damping, 2.0, now.ease, now.refused
     while True:
         step = _step(bundle.network, now.state, linear, order, factors, damping)
         tried = None if step is None else _tried(bundle, now, step, ease == GENTLE)
@@ -138,6 +165,7 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
         if (tried is not None and tried[1] <= now.cost * (1.0 + 1e-12)) or damping > LARGEST_DAMPING:
             break
         damping, growth, ease = max(damping, LEAST_DAMPING) * growth, 2.0 * growth, GENTLE
+        refused = refused if tried is None else (now.state, tried[0])
     if tried is None:
         raise GeometryError(UNDETERMINED)
     if damping > LARGEST_DAMPING:
@@ -146,7 +174,7 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     # ones creep. Alone its seven unknowns are found in milliseconds, and the shape of the block needs no further step for it.
     state = fitted_whole(bundle.network, tried[0], bundle.huber)
     cost = tried[1] if state is tried[0] else _cost(bundle, state)
-    return _Iterate(state, cost, damping, ease, now.cost - cost)
+    return _Iterate(state, cost, damping, ease, now.cost - cost, damping == now.damping, refused)
 
 
 def _tried(bundle: _Bundle, now: _Iterate, step: BundleStep, again: bool) -> tuple[State, float]:

@@ -32,6 +32,10 @@ STEPS, INCREMENT, NEGLIGIBLE = 20, 1e-5, 1e-10
 """Largest number of Gauss-Newton steps; increments and negligible steps in units of the block's size, radians and logarithms of the
 scale."""
 
+# Steps from a nearly singular system ask for anything; they are tried, cost too much and are shortened.
+LARGEST = 50.0
+"""Logarithm of the largest change of scale: beyond it products of the numbers overflow."""
+
 
 @dataclass(frozen=True, eq=False)
 class WholeMotion:
@@ -49,7 +53,7 @@ class WholeMotion:
 
     def of(self, state: State, points: np.ndarray) -> State:
         """The state after the motion; of the points, those numbered `points` only."""
-        turn, scale = rotation_of_vector(self.numbers[3:6]), np.exp(self.numbers[6])
+        turn, scale = rotation_of_vector(self.numbers[3:6]), np.exp(np.clip(self.numbers[6], -LARGEST, LARGEST))
         moved, point = self.middle + self.size * self.numbers[:3], state.point.copy()
         point[points] = moved + scale * (state.point[points] - self.middle) @ turn.T
         centre = moved + scale * (state.centre - self.middle) @ turn.T

@@ -24,6 +24,7 @@ from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_p
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import (
     BlockResults,
     Part,
@@ -51,7 +52,7 @@ from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
 from orthomill.tasks.orientation.start.up_direction import Looking
-from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, set_aside, weakest
+from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 # Workers run several jobs at a time; OpenCV's own threads would compete with them for the same cores.
 cv2.setNumThreads(1)
@@ -59,6 +60,9 @@ cv2.setNumThreads(1)
 ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
+
+REJECTED = 4.0
+"""Residual, in standard errors of a coordinate, from which on a measurement is as good as rejected where two blocks are compared"""
 
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
@@ -205,12 +209,22 @@ def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) 
         second = _oriented(have, start_with(have.material, constants, given), origin)
     except GeometryError:
         return first
-    return second if _explained(second) > _explained(first) else first
+    return second if _explains_more(second.results, first.results) else first
 
 
-def _explained(oriented: _Oriented) -> tuple[int, int]:
-    """Photographs and rays of the block: of two starts, the one that explains more observations is right."""
-    return len(oriented.results.problem.names), int(oriented.results.result.used.sum())
+def _explains_more(second: BlockResults, first: BlockResults) -> bool:
+    """Whether a block explains the photographs better than another: more of them, or the same number with a smaller sum of squares
+    of all residuals, in one unit, each no larger than one that is rejected."""
+    photos, unit = [len(one.problem.names) for one in (second, first)], min(second.result.sigma0_px, first.result.sigma0_px)
+    # Rays that a block does not use are not explained: the number of used ones alone would favour a block that bends to them.
+    missed = [_missed(one.result, unit) for one in (second, first)]
+    return (photos[0], missed[1]) > (photos[1], missed[0])
+
+
+def _missed(result: Adjustment, unit: float) -> float:
+    """The sum of the truncated squares of the residuals in `unit` px, less that of rays that are all rejected."""
+    size = np.linalg.norm(result.residual[result.used], axis=1) / unit
+    return float((np.minimum(size, REJECTED) ** 2 - REJECTED**2).sum())
 
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
@@ -236,18 +250,17 @@ def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
 
 
 def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unoriented, ...]]:
-    """The adjustment of parts that share a datum, and the poorly determined photographs that were left out because it fails with
-    them, or they contradict their position."""
+    """The adjustment of parts that share a datum, and the photographs that were left out because it fails with them, or because
+    they are poorly determined and contradict their position."""
     _require_control_for_shift(have.choices, parts)
     # Each round loses a photograph or ends, so there are at most as many rounds as photographs.
     left_out: tuple[Unoriented, ...] = ()
     while True:
         attempt = _attempt(have, parts)
-        fewer = [] if attempt.weak is None else _without(have, parts, int(attempt.problem.active[attempt.weak]))
-        if fewer and attempt.weak is not None:
-            name = attempt.problem.names[attempt.weak]
-            rays = int((attempt.rays.photo == attempt.weak).sum())
-            left_out += (Unoriented(photo=name, reason=set_aside(name, rays, attempt.why)),)
+        suspect = attempt.suspect
+        fewer = [] if suspect is None else _without(have, parts, int(attempt.problem.active[suspect]))
+        if fewer and suspect is not None:
+            left_out += (Unoriented(photo=attempt.problem.names[suspect], reason=_why(attempt, suspect)),)
             parts = fewer
         elif isinstance(attempt.outcome, NotConverged) and len(parts) == 1 and not attempt.datum.free:
             # What was surveyed is the last thing to be doubted: without it there is a block, and a report that says why.
@@ -276,7 +289,7 @@ def _require_control_for_shift(choices: BlockChoices, parts: list[Part]) -> None
 @dataclass(frozen=True, eq=False)
 class _Attempt:
     """One adjustment of a problem: its result or its failure, what was found about the interior orientation before it, and the
-    photograph to try without (`weak`, None: none), with the reason."""
+    poorly determined photograph to try without (`weak`, None: none), with the reason."""
 
     problem: Problem
     datum: Datum
@@ -285,6 +298,18 @@ class _Attempt:
     outcome: Tested | GeometryError
     weak: int | None
     why: str
+
+    @property
+    def suspect(self) -> int | None:
+        """The number of the photograph to leave out: one that is poorly determined, or that keeps the rest from converging."""
+        obstacle = self.outcome.photo if isinstance(self.outcome, NotConverged) else None
+        return obstacle if self.weak is None else self.weak
+
+
+def _why(attempt: _Attempt, suspect: int) -> str:
+    """The sentence about the photograph that is left out."""
+    name, rays = attempt.problem.names[suspect], int((attempt.rays.photo == suspect).sum())
+    return obstructing(name, rays) if attempt.weak is None else set_aside(name, rays, attempt.why)
 
 
 def _attempt(have: _Input, parts: list[Part]) -> _Attempt:

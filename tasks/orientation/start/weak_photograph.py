@@ -59,3 +59,11 @@ def set_aside(name: str, rays: int, failure: str) -> str:
         f"({failure[0].lower()}{failure[1:].rstrip('.')}). More overlap, or photographs with more texture, would let it "
         "join."
     )
+
+
+def obstructing(name: str, rays: int) -> str:
+    """The sentence about a photograph whose measurements kept the block from converging."""
+    return (
+        f"{name} was set aside, because the block cannot be adjusted with it: its {rays} measurements contradict the others more "
+        "at every step. Look whether it shows what its neighbours show, and was taken with the same camera."
+    )

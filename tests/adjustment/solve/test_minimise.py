@@ -10,7 +10,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.datum import prior_cost
 from orthomill.tasks.adjustment.model.network import Distances
-from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.minimise import NotConverged, minimise
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
 SHIFT = np.array([0.5, -0.3, 1.0])
@@ -121,3 +121,21 @@ def test_robust_solutions_may_end_early():
     network, truth, rays = small_network(noise=1.0)
     _, steps = minimise(network, moved(truth, np.random.default_rng(4), 4.0), rays, huber=2.0, most=2)
     assert steps == 2
+
+
+def test_the_photograph_that_keeps_steps_short_is_named():
+    network, truth, rays = small_network(photos=6, points=40, interior_free=())
+    turned = truth.rotation.copy()
+    turned[2] = rotation_of_vector(np.array([0.9, 0.5, 1.8])) @ turned[2]
+    with pytest.raises(NotConverged) as failed:
+        minimise(network, replace(truth, rotation=turned), rays, most=2)
+    assert failed.value.photo == 2
+
+
+def test_steps_that_gain_less_and_less_are_the_end():
+    network, truth, rays = small_network(photos=6, points=60, noise=1.0)
+    start = moved(truth, np.random.default_rng(4), 4.0)
+    state, iterations = minimise(network, start, rays)
+    exact, undamped = minimise(network, start, rays, damping=0.0)
+    cost = [(residual_lengths(network, s, rays) ** 2).sum() + prior_cost(network, s) for s in (state, exact)]
+    assert cost[0] == pytest.approx(cost[1], abs=0.02) and iterations <= undamped + 1
