@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -127,6 +127,9 @@ bench-orthoimage: $(STAMP) ## The orthoimage of a run beside orthority (options=
 
 bench-texture: $(STAMP) ## Solid surfaces: kernels beside ray casting, remedies of occlusion limits
 	@$(BIN)/python -m benchmarks.texture.texture_acceptance
+
+bench-meshes: $(STAMP) ## Photographs and meshes of other programs, every photograph left out (options="FOLDER ...")
+	@$(BIN)/python -m benchmarks.texture.foreign_meshes $(options)
 
 bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
 	@$(BIN)/python -m benchmarks.orientation.camera_constants

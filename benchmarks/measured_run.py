@@ -78,6 +78,12 @@ def machine() -> str:
     )
 
 
+def revision() -> str:
+    """The commit of the code that is measured, as it stands on a page of results."""
+    words = ["git", "-C", str(ROOT), "log", "-1", "--format=%h"]
+    return "commit " + (subprocess.run(words, capture_output=True, text=True).stdout.strip() or "unknown")
+
+
 def write_result(name: str, text: str) -> None:
     """Print a page of results and keep it."""
     RESULTS.mkdir(exist_ok=True)
