@@ -19,7 +19,7 @@ from orthomill.schemas.findings.block_findings import (
     PositionsElsewhere,
     TiltUnobserved,
 )
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.reporting.block_facts import Facts, told_findings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
@@ -47,7 +47,8 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum that
     # is the least of it.
     control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
-    graver = [finding for finding in facts.precision.findings if isinstance(finding, GRAVE) and not _is_found(finding)]
+    told = told_findings(facts.control, facts.precision)
+    graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_found(finding)]
     found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))
     yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
 

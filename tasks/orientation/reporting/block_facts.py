@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
-from orthomill.schemas.findings.block_findings import NoDatum
+from orthomill.schemas.findings.block_findings import BlockFinding, DatumMisfit, NoDatum
+from orthomill.schemas.findings.control_findings import HeightsAllZero
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos
@@ -46,6 +47,18 @@ class Facts:
         if name in self.before.cameras or camera.source != "block":
             return self.before.cameras.get(name, camera)
         return self.before.of(next(photo for photo, own in self.block.of_photo.items() if own == name))
+
+
+def heights_missing(control: Control) -> bool:
+    """Whether no control point has a height: that control and the shape of the block disagree is then the same fact."""
+    return any(isinstance(finding, HeightsAllZero) for finding in control.findings)
+
+
+def told_findings(control: Control, precision: BlockPrecision) -> tuple[BlockFinding, ...]:
+    """The findings of the adjustment, less those that a finding about the control explains."""
+    if not heights_missing(control):
+        return precision.findings
+    return tuple(finding for finding in precision.findings if not isinstance(finding, DatumMisfit))
 
 
 def filled_areas(own: ImageResiduals, camera: Camera) -> int:

@@ -18,7 +18,7 @@ from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
-from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
+from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
@@ -47,7 +47,7 @@ _WRONG_COORDINATE = "A wrong coordinate among few control points has the same ef
 def block_warnings(facts: Facts) -> Iterator[str]:
     """Whole sentences about what is poorly determined in the block, and what to do."""
     yield from (u.reason for u in facts.block.unoriented)
-    yield from finding_sentences(facts.precision.findings)
+    yield from finding_sentences(told_findings(facts.control, facts.precision))
     yield from (control_sentence(finding) for finding in facts.control.findings)
     yield from _control_warnings(facts)
     yield from camera_warnings(facts)
@@ -182,7 +182,8 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
             f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times. State their true "
             "precision, or look for single wrong ones."
         )
-    if precision.control_factor > 1.0:
+    # Control without heights is worse than anything that was stated of it, and is told as such.
+    if precision.control_factor > 1.0 and not heights_missing(facts.control):
         yield f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
     # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)

@@ -82,11 +82,11 @@ def positions_crowded(finding: PositionsCrowded) -> str:
 
 @finding_sentence.register
 def control_unmet(finding: ControlUnmet) -> str:
-    turned = "the frame before EXIF turned it, " if finding.turned else ""
+    upright, turned = (" as EXIF turns them", "the frame before that, ") if finding.turned else ("", "")
     return (
         f"The rays of {finding.points} of the {finding.measured} control points that are measured in two photographs or more do "
-        f"not meet, and took no part. Their pixels may be those of {turned}another size or another photograph: compare one "
-        "measurement with its photograph."
+        f"not meet, and took no part. They were read as pixels of the photographs{upright}, and may be those of {turned}another "
+        "size or another photograph: compare one measurement with its photograph."
     )
 
 

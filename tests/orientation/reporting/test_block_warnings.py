@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.schemas.findings.block_findings import ControlContradicted, DistanceUnchecked, InteriorFixed, NoDatum
+from orthomill.schemas.findings.block_findings import ControlContradicted, DatumMisfit, DistanceUnchecked, InteriorFixed, NoDatum
+from orthomill.schemas.findings.control_findings import HeightsAllZero
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
+from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
 from orthomill.tasks.orientation.reporting.block_figures import block_figures
 from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
 
@@ -236,6 +238,16 @@ def test_photographs_that_hardly_overlap_are_told_with_their_overlap(facts, with
 def test_what_is_worse_than_stated_is_told_with_its_factor(with_precision, changes, phrase):
     (found,) = block_warnings(with_precision(**changes))
     assert phrase in found
+
+
+def test_control_without_heights_is_told_once(with_precision):
+    """That it does not fit, and that it is worse than stated, are the same fact."""
+    facts = with_precision(control_factor=36.1, findings=(DatumMisfit(ratio=32.0),))
+    assert "disagree" in told(facts) and "worse than stated" in told(facts)
+    flat = replace(facts, control=facts.control.model_copy(update={"findings": (HeightsAllZero(points=10),)}))
+    (found,) = block_warnings(flat)
+    assert found.startswith("All 10 surveyed points have the height 0")
+    assert list(block_doubts(flat)) == [found]
 
 
 @pytest.mark.parametrize(("factor", "count"), [(1.0, 0), (2.5, 1)])

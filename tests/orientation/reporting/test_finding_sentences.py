@@ -16,7 +16,10 @@ SPOKEN = [
     (f.NoDatum(scaled=True), ["has a scale but no datum", "three control points"]),
     (f.NoDatum(scaled=True, scale_share=0.12), ["an approximate scale (to 12 %) but no datum"]),
     (f.NoDatum(scaled=False), ["has no datum", "not metres", "Give positions"]),
-    (f.ControlUnmet(points=3, measured=4, turned=True), ["3 of the 4 control points", "before EXIF turned it", "another size"]),
+    (
+        f.ControlUnmet(points=3, measured=4, turned=True),
+        ["3 of the 4 control points", "as EXIF turns them", "the frame before that", "another size"],
+    ),
     (f.ControlUnmet(points=3, measured=4, turned=False), ["those of another size or another photograph"]),
     (f.PositionsCrowded(), ["closer together than their own standard errors", "true precision"]),
     (f.TiltUnobserved(tilt_sigma_deg=None, basis="down", sigma_deg=5.0), ["do not determine", "straight down", "5.0 degrees"]),
