@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 import yaml
 
-from benchmarks.measured_run import ROOT, machine, orthomill, project_root, summary, write_result
+from benchmarks.measured_run import ROOT, machine, orthomill, project_root, revision, summary, write_result
 from benchmarks.texture.texture_acceptance import sheet
+from orthomill.pipeline.records.records import Records
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.view import View
@@ -165,16 +166,26 @@ def row_of(folder: Path, triangles: int, photos: int, reduction: int, peak: int)
     proof = f"{found['projection.left_out_blended_psnr']:.1f} dB, {100 * found['projection.left_out_blended_gradient']:.0f} %"
     pixels = photos * camera_of(reduction).width * camera_of(reduction).height / 1e6
     return (
-        f"| {triangles / 1e6:.2f} million triangles, {photos} photographs, {pixels:.0f} Mpx | {worker:.0f} | {largest:.0f} "
+        f"| {triangles / 1e6:.2f} million triangles, {photos} photographs, {pixels:.0f} Mpx | {worker:.0f} "
+        f"| {largest_job(folder / 'runs' / PROJECT)} | {largest:.0f} "
         f"| {peak / 2**20:.0f} | {seconds / 60:.1f} | {cpu:.0f} | {cpu / pixels:.2f} "
         f"| {found['projection.front_coloured']:.1f} | {proof} |"
     )
 
 
+def largest_job(folder: Path) -> str:
+    """The job of the stage during which its largest worker grew to its size."""
+    records = [record for record in Records(folder).of_stage("projection") if record.peak_bytes]
+    peak = max(record.peak_bytes for record in records)
+    # A process never shrinks in its own record: the first of its jobs that ended with this peak raised it.
+    reached = [record for record in records if record.peak_bytes > 0.99 * peak]
+    return min(reached, key=lambda record: record.started + record.seconds).item
+
+
 HEAD = (
-    "| what | largest worker of the stage, MiB | of the run | largest process, MiB | minutes | CPU-s of the stage "
-    "| per Mpx of the photographs | coloured % | left out: PSNR, gradient |",
-    "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+    "| what | largest worker of the stage, MiB | raised by the job | of the run | largest process, MiB | minutes "
+    "| CPU-s of the stage | per Mpx of the photographs | coloured % | left out: PSNR, gradient |",
+    "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
 )
 
 
@@ -183,9 +194,9 @@ def main(sizes: tuple[tuple[int, int, int], ...]) -> None:
     lines = [
         "# Large meshes with many photographs",
         "",
-        f"`python -m benchmarks.texture.large_mesh`; {machine()}. Photographs of 3872 x 2592 px and an orthoimage of 4500 x 4500 "
-        "px (half of that along both sides in the smaller blocks), leave one out, textured model, depth pictures; two workers, "
-        "kernels compiled or loaded as they come. Minutes are those of the clock, beside whatever else the machine did.",
+        f"`python -m benchmarks.texture.large_mesh`; {machine()}, {revision()}. Photographs of 3872 x 2592 px and an orthoimage of "
+        "4500 x 4500 px (half of that along both sides in the smaller blocks), leave one out, textured model, depth pictures; two "
+        "workers, kernels compiled or loaded as they come. Minutes are those of the clock, beside whatever else the machine did.",
         "",
         *HEAD,
     ]

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks.measured_run import machine, revision
 from benchmarks.texture.portal_truth import portal_rows
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block
@@ -179,7 +180,7 @@ def main() -> None:
     lines = [
         "# Solid surfaces: measured",
         "",
-        "`make bench-texture` writes this page.",
+        f"`make bench-texture` writes this page; {machine()}, {revision()}.",
         "",
         "| what | found | wanted |",
         "| --- | --- | --- |",
