@@ -33,8 +33,10 @@ def report(
     image_residuals: ImageResiduals,
     ground_residuals: GroundResiduals,
     precision: BlockPrecision,
+    on_plane: Block | None = None,
 ) -> StageReport:
-    """The stage's report; `cameras` as they were before the adjustment."""
+    """The stage's report; `cameras` as they were before the adjustment; `on_plane`: the block in the system of the plane on which
+    the surface stands, where it stands on one."""
     facts = Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
     grids = (
         *camera_grids(facts),
@@ -51,7 +53,7 @@ def report(
         figures=block_figures(facts),
         grids=tuple(grid for grid in grids if grid.rows),
         charts=tuple(block_charts(facts)),
-        pictures=(overlap_picture(block),),
+        pictures=(overlap_picture(on_plane or block),),
         warnings=tuple(block_warnings(facts)),
         doubts=doubts,
         losses=tuple(block_losses(facts)),

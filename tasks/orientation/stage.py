@@ -161,11 +161,14 @@ class OrientationStage(Stage):
 
     def _report_jobs(self, block: Table[Block], points: Table[GroundPoints]) -> Iterator[Job]:
         """What is made from the block in the project's system, however it was oriented."""
+        # Overlap is that on the surface: of photographs of a facade, footprints on level ground say nothing.
+        standing: Reads = {} if block is BLOCK else {"on_plane": BLOCK}
         yield Job(
             "orientation",
             "report",
             report,
             reads={
+                **standing,
                 "photos": PHOTOS,
                 "cameras": CAMERAS,
                 "control": CONTROL,
@@ -189,7 +192,7 @@ class OrientationStage(Stage):
             "orientation",
             "overlap",
             overlap_map,
-            reads={"block": block},
+            reads={"block": BLOCK},
             writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
             scratch=64 * SIDE * SIDE,
         )

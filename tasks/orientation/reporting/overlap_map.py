@@ -1,4 +1,4 @@
-"""The footprint map: how many photographs see each place at the mean height of the ground, and their outlines."""
+"""The footprint map: how many photographs see each place at the mean height of the ground (or of a wall), and their outlines."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ def overlap_map(block: Block) -> np.ndarray:
     """(SIDE, SIDE) uint8: photographs that see each place, at most MOST; outlines and projection centres drawn over it."""
     height, views = block.ground_mean, _views(block)
     outlines = [outline(view, height) for view in views]
-    ground = _ground_map(views, outlines)
+    ground = _ground_map(block, views, outlines)
     places = np.column_stack([ground.places(), np.full(SIDE * SIDE, height)]).reshape(SIDE, SIDE, 3)
     count = np.zeros((SIDE, SIDE), np.int64)
     for view, line in zip(views, outlines, strict=True):
@@ -96,9 +96,10 @@ def _reach(view: View, height: float) -> float:
     return float(_FARTHEST * abs(view.centre[2] - height))
 
 
-def _ground_map(views: list[View], outlines: list[np.ndarray]) -> GroundMap:
-    """The square that contains all outlines and projection centres."""
-    xy = np.vstack([*outlines, *(view.centre[None, :2] for view in views)])
+def _ground_map(block: Block, views: list[View], outlines: list[np.ndarray]) -> GroundMap:
+    """The square that contains all projection centres and outlines; of a plane, the area where its surface is made instead."""
+    shown = outlines if block.area is None else [np.reshape(block.area, (2, 2))]
+    xy = np.vstack([*shown, *(view.centre[None, :2] for view in views)])
     # Projection centres, too: those of oblique photographs lie outside of their footprints.
     low, high = xy.min(axis=0), xy.max(axis=0)
     # A margin of 3 % on each side keeps the outlines off the frame of the picture.
@@ -111,14 +112,15 @@ def overlap_picture(block: Block) -> Picture:
     """How the report draws the map of `overlap_map`."""
     # The width is computed again: a job that writes a raster returns nothing else.
     views = _views(block)
-    wide = SIDE * _ground_map(views, [outline(view, block.ground_mean) for view in views]).cell
+    wide = SIDE * _ground_map(block, views, [outline(view, block.ground_mean) for view in views]).cell
+    where = "level ground at mean height. North is up" if block.area is None else "the surface's plane, seen from its front"
     seen = [(0, "#f4f4f1", "seen by none")]
     seen += [(i, _COLOURS[i - 1], f"{i} photograph{'s' * (i > 1)}{' or more' * (i == MOST)}") for i in range(1, MOST + 1)]
     return Picture(
         title="Footprints and overlap",
         raster=OVERLAP,
         style="classes",
-        caption=f"Photographs that see each place of level ground at mean height. North is up, the picture is {wide:.4g} m wide. "
+        caption=f"Photographs that see each place of {where}, the picture is {wide:.4g} m wide. "
         "Heights need two photographs; with three or more, blunders can be detected.",
         classes=(*seen, (OUTLINE, "#555555", "outline of a photograph"), (CENTRE, "#000000", "projection centre")),
     )

@@ -131,6 +131,7 @@ def test_a_project_on_a_plane_keeps_its_cameras_in_its_own_system():
     )
     jobs = {item.item: item for item in items if isinstance(item, Job)}
     assert jobs["block"].writes["block"] is SURVEY_BLOCK and jobs["report"].reads["block"] is SURVEY_BLOCK
+    assert jobs["report"].reads["on_plane"] is BLOCK and jobs["overlap"].reads["block"] is BLOCK
     assert jobs["plane"].writes["block"] is BLOCK and jobs["plane"].params == {"ground": GROUND}
     exports = {item.path: item.tables for item in items if isinstance(item, Export)}
     assert exports["products/cameras.json"] == (SURVEY_BLOCK,) and "products/plane.json" in exports

@@ -133,7 +133,7 @@ def test_the_overlap_map_counts_every_photograph_wherever_it_looks(facts, with_b
     first, second = facts.block.photos
     block = with_block(photos=(first.model_copy(update={"omega_phi_kappa": turned}), second)).block
     views, drawn = [block_view(block, name) for name in block.names], overlap_map(block)
-    ground = _ground_map(views, [outline(one, block.ground_mean) for one in views])
+    ground = _ground_map(block, views, [outline(one, block.ground_mean) for one in views])
     places = np.column_stack([ground.places(), np.full(SIDE * SIDE, block.ground_mean)])
     seen = np.sum([one.contains(one.project(places)) for one in views], axis=0).reshape(SIDE, SIDE)
     counted = drawn < OUTLINE
@@ -143,3 +143,13 @@ def test_the_overlap_map_counts_every_photograph_wherever_it_looks(facts, with_b
 def test_the_picture_says_how_wide_it_is(facts):
     """119.9 m of footprints with a margin of 3 % on either side."""
     assert "127.1 m wide" in overlap_picture(facts.block).caption
+
+
+def test_of_a_wall_the_map_shows_the_area_of_its_surface(facts, with_block):
+    """Photographs that look along a wall show much more of its plane than is wall."""
+    wall = with_block(area=(-10.0, -5.0, 30.0, 5.0)).block
+    caption = overlap_picture(wall).caption
+    centres = np.array([photo.centre[:2] for photo in wall.photos])
+    wide = 1.06 * np.ptp(np.vstack([centres, [(-10.0, -5.0), (30.0, 5.0)]]), axis=0).max()
+    assert "the surface's plane, seen from its front" in caption and f"{wide:.4g} m wide" in caption
+    assert (overlap_map(wall) == 2).mean() > (overlap_map(facts.block) == 2).mean(), "no border around the footprints"
