@@ -6,9 +6,11 @@ would store each byte as a 32-bit integer, which costs more to read than everyth
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -21,17 +23,26 @@ from orthomill.schemas.job import Columns, Table
 
 PIECE = 2**20
 """bytes of one binary value: to write a value takes eight times its size"""
+_PIECES = 16
+"""binary values that are packed together"""
 
 
 def write_whole(path: Path, data: bytes | pa.Buffer) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
+    with whole_file(path) as stream:
+        stream.write(data)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to be written that takes the place of `path` when it is complete. Raises StoreError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
         try:
             with os.fdopen(handle, "wb") as stream:
-                stream.write(data)
+                yield stream
             # mkstemp grants access to the owner only, but results are shared like any other file.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
@@ -59,9 +70,16 @@ def write_table(path: Path, value: Any) -> None:
         only_bytes = all(column.dtype == np.uint8 for column in columns.values())
         arrays = {name: _pieces(column) if only_bytes else pa.array(column) for name, column in columns.items()}
         # Dictionaries pay off for names and codes; random bytes only make them grow.
-        sink = pa.BufferOutputStream()
-        pq.write_table(pa.table(arrays), sink, compression="zstd", use_dictionary=not only_bytes, write_page_checksum=True)
-        write_whole(path, sink.getvalue())
+        # Straight to the disk: in memory a file of a hundred megabytes would stand there three times while it grows.
+        with whole_file(path) as stream:
+            pq.write_table(
+                pa.table(arrays),
+                stream,
+                row_group_size=_PIECES if only_bytes else None,
+                compression="zstd",
+                use_dictionary=not only_bytes,
+                write_page_checksum=True,
+            )
     else:
         write_whole(path, seal(to_json(value, indent=1, inf_nan_mode="constants")))
 
@@ -92,8 +110,9 @@ def read_table(path: Path, table: Table[Any]) -> Any:
     """The value of a stored table. Raises StoreError when it is absent or not of its type."""
     try:
         if issubclass(table.type, Columns):
-            stored = pq.read_table(path, page_checksum_verification=True)
-            return table.type(**{f.name: _numbers(stored[f.name]) for f in fields(table.type)})
+            # One column after the other: all of them at once would be there twice, as stored and as numbers.
+            with pq.ParquetFile(path, page_checksum_verification=True) as stored:
+                return table.type(**{f.name: _numbers(stored.read([f.name])[f.name]) for f in fields(table.type)})
         text = unsealed(path.read_bytes())
         if text is None:
             raise ValueError("wrong checksum")

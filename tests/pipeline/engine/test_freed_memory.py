@@ -26,6 +26,27 @@ def test_pieces_between_what_lives_on_are_given_back():
     assert tried == "True" and int(alone) < 20e6 and int(told) > 70e6
 
 
+TABLES = """
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from orthomill.pipeline.engine.freed_memory import give_back, occupied
+table = pa.table({"x": pa.array(np.random.default_rng(1).integers(0, 256, 40_000_000))})
+sink = pa.BufferOutputStream()
+pq.write_table(table, sink)
+del table, sink
+kept = occupied()
+give_back(much=1)
+print(kept - occupied())
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs the GNU C library")
+def test_what_arrow_keeps_is_given_back():
+    found = subprocess.run([sys.executable, "-c", TABLES], capture_output=True, text=True, check=True)
+    assert int(found.stdout) > 20e6
+
+
 def test_little_memory_is_kept_for_the_next_job():
     assert not give_back(much=2**60)
 

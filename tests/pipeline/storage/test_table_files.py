@@ -32,6 +32,13 @@ def test_bytes_come_back_and_take_no_more_room_than_they_are(tmp_path, count):
     assert (tmp_path / "a.parquet").stat().st_size < count + 1000 + count // 1000
 
 
+def test_a_long_file_is_packed_a_part_at_a_time(tmp_path):
+    """Packed at once it would take three times its size in memory."""
+    write_table(tmp_path / "a.parquet", Bytes(np.zeros(40 * PIECE, np.uint8)))
+    groups = pq.ParquetFile(tmp_path / "a.parquet").metadata
+    assert groups.num_row_groups == 3 and groups.row_group(0).num_rows == 16
+
+
 def test_bytes_next_to_other_columns_remain_a_column_of_numbers(tmp_path):
     write_table(tmp_path / "a.parquet", Mixed(np.array([1, 2], np.uint8), np.array([0.5, 1.5])))
     assert pq.read_table(tmp_path / "a.parquet")["code"].to_pylist() == [1, 2]
