@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengths
+from orthomill.tasks.adjustment.model.collinearity import BEHIND, residual_lengths, residuals
 from orthomill.tasks.adjustment.model.datum import PriorFactors, add_prior, prior_cost, prior_factors
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised, structure
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_losses, huber_weights
 from orthomill.tasks.adjustment.solve.bundle_step import BundleStep, step_of
-from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, reduced_normals
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, promised_residuals, reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import inverse_of
 from orthomill.tasks.adjustment.solve.ray_intersection import held_in_front, intersected
 from orthomill.tasks.adjustment.solve.whole_block import fitted_whole
@@ -25,8 +25,9 @@ from orthomill.tasks.adjustment.sparse.block_matrix import diagonal_places
 # Undamped steps converge quadratically: after one of a tenth of a standard error the next is some thousandths of it.
 NEGLIGIBLE = 1e-2
 """An undamped step that gains less, in squares of standard errors, is the last."""
-SMALL = 0.1
-"""Gain of a damped step, in squares of standard errors, after which one that gains no more than NEGLIGIBLE is the last"""
+KEPT = 1e-3
+"""What the residuals lack of those that a step promised, in squares of standard errors, up to which it is the last: the next would
+be some hundredths of a standard error."""
 
 # In a curved valley damping that falls too far fails at every other step, so that it falls slowly once a step has failed.
 FAST, GENTLE = 0.1, 1.0 / 3.0
@@ -76,16 +77,24 @@ class _Bundle:
 @dataclass(frozen=True, eq=False)
 class _Iterate:
     """A solution on the way: its `state` and `cost`, the `damping` of the step that led to it (then: of the next one), how that
-    falls, what the step gained, whether it was taken `at_once`, and the last two states of which the second cost more, so that the
-    step to it was `refused`."""
+    falls, what the step gained, and whether it was the `last` because its residuals are those that the linear equations promised;
+    the last two states of which the second cost more, so that the step to it was `refused`."""
 
     state: State
     cost: float
     damping: float
     ease: float = FAST
     gain: float = np.inf
-    at_once: bool = False
+    last: bool = False
     refused: tuple[State, State] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step: the `correction` (n,) of the unknowns of the reduced system, and that of all of the `bundle`."""
+
+    correction: np.ndarray
+    bundle: BundleStep
 
 
 def minimise(
@@ -100,9 +109,9 @@ def minimise(
     """Levenberg-Marquardt from `start` with a first `damping`; `huber` in standard errors. Returns the state and the number of
     iterations.
 
-    Stops when a step gains less than `tolerance` of the cost, or no more than NEGLIGIBLE while it is undamped or follows a SMALL
-    one that succeeded at once as it did. Iterative reweighting with Huber's weights converges slowly and needs no sharp end: it may
-    stop after `most` iterations.
+    Stops when a step gains less than `tolerance` of the cost, an undamped one no more than NEGLIGIBLE, or when the residuals after
+    it are those that it promised. Iterative reweighting with Huber's weights converges slowly and needs no sharp end: it may stop
+    after `most` iterations.
 
     Every point with rays needs two of them (or prior coordinates). Raises GeometryError when the observations do not determine the
     unknowns, and NotConverged when `most` iterations do not converge.
@@ -120,7 +129,7 @@ def minimise(
         then = _next(bundle, now, linear, order, factors)
         # By far the largest table: two of them at a time would decide how large a block fits into memory.
         del linear
-        if then is None or _ended(now, then, tolerance, len(rays)):
+        if then is None or _ended(then, tolerance, len(rays)):
             return (now if then is None else then).state, iteration
         now = replace(then, damping=then.damping * then.ease if then.damping > LEAST_DAMPING else 0.0)
     if np.isfinite(huber) or now.gain <= NEGLIGIBLE:
@@ -139,17 +148,12 @@ def _obstacle(bundle: _Bundle, now: _Iterate) -> int | None:
     return worst if 2.0 * dearer[worst] > dearer.sum() else None
 
 
-def _ended(now: _Iterate, then: _Iterate, tolerance: float, rays: int) -> bool:
+def _ended(then: _Iterate, tolerance: float, rays: int) -> bool:
     """Whether a step gained so little that it was the last."""
     # An undamped step is as long as it should be: what it does not gain is not there.
-    if then.damping <= LEAST_DAMPING and then.gain <= NEGLIGIBLE:
+    if then.last or (then.damping <= LEAST_DAMPING and then.gain <= NEGLIGIBLE):
         return True
-    if then.damping > END_DAMPING:
-        return False
-    # Nor is it where small steps that nothing hinders gain less and less: those to come would gain less than this one together.
-    if now.at_once and then.at_once and now.gain <= SMALL and then.gain <= min(NEGLIGIBLE, now.gain / 2.0):
-        return True
-    return then.gain <= tolerance * then.cost + 1e-15 * rays
+    return then.gain <= tolerance * then.cost + 1e-15 * rays and then.damping <= END_DAMPING
 
 
 def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, factors: PriorFactors) -> _Iterate | None:
@@ -160,7 +164,7 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     damping, growth, ease, refused = now.damping, 2.0, now.ease, now.refused
     while True:
         step = _step(bundle.network, now.state, linear, order, factors, damping)
-        tried = None if step is None else _tried(bundle, now, step, ease == GENTLE)
+        tried = None if step is None else _tried(bundle, now, step.bundle, ease == GENTLE)
         # At the minimum the cost scatters by its rounding: that is no failure.
         if (tried is not None and tried[1] <= now.cost * (1.0 + 1e-12)) or damping > LARGEST_DAMPING:
             break
@@ -174,7 +178,17 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     # ones creep. Alone its seven unknowns are found in milliseconds, and the shape of the block needs no further step for it.
     state = fitted_whole(bundle.network, tried[0], bundle.huber)
     cost = tried[1] if state is tried[0] else _cost(bundle, state)
-    return _Iterate(state, cost, damping, ease, now.cost - cost, damping == now.damping, refused)
+    alone = tried[1] - cost <= NEGLIGIBLE and damping <= LEAST_DAMPING
+    last = alone and step is not None and _as_promised(bundle, linear, step, state)
+    return _Iterate(state, cost, damping, ease, now.cost - cost, last, refused)
+
+
+def _as_promised(bundle: _Bundle, linear: Linear, step: _Step, state: State) -> bool:
+    """Whether the residuals of a `state` are those that the linear equations promised: another step would start from the same
+    equations, and gain no more than what the residuals lack."""
+    promised = promised_residuals(linear, step.correction, step.bundle.point)
+    lack = residuals(state, bundle.rays, bundle.network.camera_of) - promised
+    return float((linear.weight * (lack**2).sum(axis=1)).sum()) <= KEPT
 
 
 def _tried(bundle: _Bundle, now: _Iterate, step: BundleStep, again: bool) -> tuple[State, float]:
@@ -198,9 +212,7 @@ def _cost(bundle: _Bundle, state: State) -> float:
     return huber_cost(size, bundle.huber) + prior_cost(bundle.network, state, bundle.huber)
 
 
-def _step(
-    network: Network, state: State, linear: Linear, order: Structure, factors: PriorFactors, damping: float
-) -> BundleStep | None:
+def _step(network: Network, state: State, linear: Linear, order: Structure, factors: PriorFactors, damping: float) -> _Step | None:
     """One damped step; None where the normal equations are singular at this damping."""
     normals = reduced_normals(linear, order.pattern, damping)
     # Marquardt's damping in units of the diagonal, that of the whole system: the reduced one is smaller by what the points explain.
@@ -212,4 +224,4 @@ def _step(
         correction = inverse_of(network, state, order, matrix).times(right[:, None])[:, 0]
     except np.linalg.LinAlgError:
         return None
-    return step_of(network, correction, point_corrections(linear, correction, damping))
+    return _Step(correction, step_of(network, correction, point_corrections(linear, correction, damping)))

@@ -212,6 +212,23 @@ def _back(linear, damping, correction):
 
 
 @njit(cache=True)
+def _promised(linear, correction, local):
+    """The residuals (M, 2) less what corrections (n,) and those of the points in their frames, `local` (N, 3), explain of them."""
+    out = np.empty((len(linear.row), 2))
+    for point in range(len(linear.first) - 1):
+        for i in range(linear.first[point], linear.first[point + 1]):
+            for n in range(2):
+                moved = 0.0
+                for a in range(linear.columns.shape[1]):
+                    if linear.columns[linear.row[i], a] >= 0:
+                        moved += linear.jg[i, n, a] * correction[linear.columns[linear.row[i], a]]
+                for b in range(3):
+                    moved += linear.jp[i, n, b] * local[point, b]
+                out[i, n] = linear.residual[i, n] - moved
+    return out
+
+
+@njit(cache=True)
 def _precision(linear, pattern, values, direct):
     """Covariances (N, 3, 3) of the points in their frames and variances (M, 2) of the computed image coordinates; `values` hold the
     covariance of the other unknowns, `direct` (T, k, k) its parts at linear.columns."""
@@ -307,6 +324,12 @@ def reduced_normals(linear: Linear, pattern: Pattern, damping: float = 0.0) -> N
 def point_corrections(linear: Linear, correction: np.ndarray, damping: float = 0.0) -> np.ndarray:
     """Corrections (N, 3) of the points by back substitution of the corrections (n,) of the other unknowns; 0 without rays."""
     return (linear.frame @ _back(linear, damping, correction)[:, :, None])[:, :, 0]
+
+
+def promised_residuals(linear: Linear, correction: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The residuals (M, 2) px that the linear equations promise after corrections (n,) of the reduced system and those (N, 3) of
+    the points."""
+    return np.asarray(_promised(linear, correction, (linear.frame.swapaxes(1, 2) @ points[:, :, None])[:, :, 0]))
 
 
 def point_precision(linear: Linear, cofactor: BlockMatrix) -> tuple[np.ndarray, np.ndarray]:

@@ -132,10 +132,13 @@ def test_the_photograph_that_keeps_steps_short_is_named():
     assert failed.value.photo == 2
 
 
-def test_steps_that_gain_less_and_less_are_the_end():
+def test_a_step_that_keeps_its_promise_needs_no_other_to_confirm_it():
+    """As after every round of the blunder tests, which rejects a few rays of many."""
     network, truth, rays = small_network(photos=6, points=60, noise=1.0)
-    start = moved(truth, np.random.default_rng(4), 4.0)
-    state, iterations = minimise(network, start, rays)
-    exact, undamped = minimise(network, start, rays, damping=0.0)
-    cost = [(residual_lengths(network, s, rays) ** 2).sum() + prior_cost(network, s) for s in (state, exact)]
-    assert cost[0] == pytest.approx(cost[1], abs=0.02) and iterations <= undamped + 1
+    before, _ = minimise(network, truth, rays)
+    left = rays.take(np.arange(len(rays)) % 50 > 0)
+    state, iterations = minimise(network, before, left, damping=0.0)
+    cost = (residual_lengths(network, state, left) ** 2).sum() + prior_cost(network, state)
+    sharp, _ = minimise(network, state, left, damping=0.0)
+    least = (residual_lengths(network, sharp, left) ** 2).sum() + prior_cost(network, sharp)
+    assert iterations == 1 and 0 <= cost - least <= 0.01
