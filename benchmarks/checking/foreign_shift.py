@@ -4,7 +4,7 @@
 
 Strategy. The true surface of a simulated run is checked against the run's photographs and adjusted cameras: as it is, smoothed as
 surfaces of other programs are (Gauss, 2 and 4 cells), and in wider cells; each at its place and displaced in plan and height by
-three amounts. What `orthomill check` says of the shift is compared with what was planted, in its own standard errors. The block has
+two amounts. What `orthomill check` says of the shift is compared with what was planted, in its own standard errors. The block has
 a datum error of its own, which the surface that nobody touched shows: errors are told from there.
 """
 
@@ -22,7 +22,7 @@ from benchmarks.measured_run import machine, summary, write_result
 
 SIDES = 560, 680
 """cells of the part that is checked, in the middle of the surface"""
-SHIFTS = ((0.0, 0.0, 0.0), (1.3, -0.8, 0.4), (-0.6, 2.2, -1.5), (-2.5, -1.7, 3.0))
+SHIFTS = ((0.0, 0.0, 0.0), (1.3, -0.8, 0.4), (-2.5, -1.7, 3.0))
 """m: east, north, up"""
 Surface = Callable[[np.ndarray], np.ndarray]
 SURFACES: dict[str, Surface] = {

@@ -24,13 +24,16 @@ _NO_DATUM = 200.0
 Values = dict[str, float | int | None]
 
 
-def whole_shift(coarse: np.ndarray, placed: SurfaceShift, raised: float, level: float, moved: bool, cell: float) -> SurfaceShift:
+def whole_shift(
+    coarse: np.ndarray, side: int, placed: SurfaceShift, raised: float, level: float, moved: bool, cell: float
+) -> SurfaceShift:
     """The shift of a surface as it was given, as the whole check knows it.
 
-    coarse: blocks (rows, cols, 5) of the check. placed: what the looks before it found. raised: m, by how much the surface was
-    raised for the check; level: m, what is in none of its corrections; moved: whether it was moved back in plan as well. cell: m.
+    coarse: blocks (rows, cols, 5) of the check, of `side` cells. placed: what the looks before it found. raised: m, by how much
+    the surface was raised for the check; level: m, what is in none of its corrections; moved: whether it was moved back in plan
+    as well. cell: m.
     """
-    last = surface_shift(coarse)
+    last = surface_shift(coarse, side)
     apart = placed.in_plan and not moved and np.hypot(placed.east or 0.0, placed.north or 0.0) > cell
     # Beyond a cell corrections are not proportional to a shift in plan that is still in the surface: the looks moved it back.
     if apart or not last.blocks:

@@ -92,12 +92,12 @@ def blocks_of(east: float, north: float, up: float, noise: float = 0.02) -> np.n
 
 
 def test_a_shift_in_height_and_plan_comes_out_within_its_standard_error():
-    found = surface_shift(blocks_of(0.8, -0.5, 1.25))
+    found = surface_shift(blocks_of(0.8, -0.5, 1.25), 8)
     assert abs(found.up - 1.25) < 4 * found.up_sigma < 0.02
     for value, true, sigma in zip((found.east, found.north), (0.8, -0.5), found.plan_sigma, strict=True):
         assert abs(value - true) < 4 * sigma < 0.1
-    assert found.in_plan and not surface_shift(blocks_of(0.0, 0.0, 0.5)).in_plan
-    assert surface_shift(blocks_of(1, 1, 1) * 0).blocks == 0
+    assert found.in_plan and not surface_shift(blocks_of(0.0, 0.0, 0.5), 8).in_plan
+    assert surface_shift(blocks_of(1, 1, 1) * 0, 8).blocks == 0
 
 
 def test_roofs_do_not_hide_a_shift_in_plan():
@@ -105,13 +105,24 @@ def test_roofs_do_not_hide_a_shift_in_plan():
     coarse = blocks_of(1.2, -0.7, 0.4)
     steep = np.random.default_rng(8).random(coarse.shape[:2]) < 0.08
     coarse[steep, 3], coarse[steep, 1] = 0.9, -0.4
-    found = surface_shift(coarse)
+    found = surface_shift(coarse, 8)
     assert found.east is not None and found.north is not None and found.plan_sigma is not None
     assert abs(found.east - 1.2) < 3 * found.plan_sigma[0] + 0.02 and abs(found.north + 0.7) < 3 * found.plan_sigma[1] + 0.02
 
 
+def test_the_smoothed_feet_of_walls_do_not_pull_a_shift():
+    """Walls to the east of every place: beside them the surface slopes and is too high, which is no shift."""
+    coarse = blocks_of(0.0, 0.0, 0.0)
+    coarse[:, 20:40:6, 3], coarse[:, 20:40:6, 1] = 0.9, 0.0
+    for col in range(20, 40, 6):
+        coarse[:, col - 1, 3], coarse[:, col - 1, 1] = 0.3, -0.25
+    found = surface_shift(coarse, 8)
+    assert found.east is not None and found.plan_sigma is not None and abs(found.east) < 3 * found.plan_sigma[0] < 0.1
+    assert abs(found.up) < 0.01
+
+
 def test_few_blocks_tell_the_height_alone():
-    found = surface_shift(blocks_of(0.8, -0.5, 1.25)[20:25, 20:25])
+    found = surface_shift(blocks_of(0.8, -0.5, 1.25)[20:25, 20:25], 8)
     assert found.east is None and not found.in_plan and abs(found.up - 1.25) < 1.0
 
 

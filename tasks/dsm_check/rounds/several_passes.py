@@ -152,7 +152,7 @@ class Passes:
         yield from self._coarse(view, prefix, level, f"{prefix}/height")
         rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
         whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
-        params = {"before": before}
+        params = {"side": PAIRED << level, "before": before}
         yield Job(KIND, f"placing-{look}-shift", further_shift, {"coarse": whole}, {"shift": shift_after(look)}, params)
 
     def second_surface(self, view: ProjectView, top: int) -> Plan:

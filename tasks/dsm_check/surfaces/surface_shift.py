@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from scipy.ndimage import binary_dilation
 
 from orthomill.schemas.job import Table
 from orthomill.schemas.raster import MapGrid, Window
@@ -17,8 +18,12 @@ from orthomill.tasks.dsm_check.areas import CHECKED, EAST, MEAN, NORTH, SIGMA, f
 
 _LEAST_BLOCKS = 60
 """blocks of which a shift in plan can be told"""
-_GROUP = 8
-"""blocks along a side of a group whose errors may be alike"""
+_GROUP, _FEWEST_OF_GROUP = 64, 8
+"""cells, and blocks at least, along a side of a group whose errors may be alike"""
+_AWAY = (16, 8, 4, 0)
+"""cells around steep blocks that do not count either, as many as leave `_ENOUGH` of the blocks: where a surface is smoothed, as
+those of other programs are, the foot of a wall is too high and its top too low, and both slope as the wall does"""
+_ENOUGH = 0.1
 _WHOLE = 0.95
 """share of a block that must have been judged"""
 _STEEPEST, _USUAL = 1.0, 4.0
@@ -119,23 +124,24 @@ class _Fit:
     covariance: np.ndarray
 
 
-def further_shift(coarse: np.ndarray, before: SurfaceShift) -> SurfaceShift:
+def further_shift(coarse: np.ndarray, side: int, before: SurfaceShift) -> SurfaceShift:
     """The whole shift of a surface that was moved back by `before`, and for which blocks (rows, cols, 5) ask for the rest."""
-    return surface_shift(coarse).after(before)
+    return surface_shift(coarse, side).after(before)
 
 
-def surface_shift(coarse: np.ndarray) -> SurfaceShift:
-    """The shift that the blocks (rows, cols, 5) of a check ask for."""
+def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
+    """The shift that the blocks (rows, cols, 5) of a check ask for; side: of a block, in cells of the surface."""
     # Blocks that were judged in part lie at borders, where windows reach ground that is not corrected.
     known, steep = coarse[..., CHECKED] > _WHOLE, np.hypot(coarse[..., EAST], coarse[..., NORTH])
     if not known.any():
         return NO_SHIFT
     # The edge of a roof within a block is a slope of which the windows see nothing. A few such blocks would pull the shift to zero.
-    known &= steep < min(_STEEPEST, max(_USUAL * float(np.median(steep[known])), _LEVEL))
+    known &= ~_near_walls(known, steep, side)
     dh = coarse[known][:, MEAN].astype(np.float64)
     rows, cols = np.nonzero(known)
     precise = _weights(coarse[known][:, SIGMA].astype(np.float64))
-    groups = np.unique(rows // _GROUP * coarse.shape[1] + cols // _GROUP, return_inverse=True)[1].ravel()
+    group = max(_FEWEST_OF_GROUP, _GROUP // side)
+    groups = np.unique(rows // group * coarse.shape[1] + cols // group, return_inverse=True)[1].ravel()
     if known.sum() < _LEAST_BLOCKS:
         alone = _robust(np.ones((len(dh), 1)), dh, precise, groups)
         return SurfaceShift(up=-float(alone.values[0]), up_sigma=float(np.sqrt(alone.covariance[0, 0])), blocks=len(dh))
@@ -155,6 +161,16 @@ def surface_shift(coarse: np.ndarray) -> SurfaceShift:
         plan_sigma=(float(sigma[1]), float(sigma[2])),
         blocks=len(dh),
     )
+
+
+def _near_walls(known: np.ndarray, steep: np.ndarray, side: int) -> np.ndarray:
+    """Blocks (bool) with a wall, and those around them as far as enough of the `known` ones are left."""
+    walls = steep >= min(_STEEPEST, max(_USUAL * float(np.median(steep[known])), _LEVEL))
+    for away in _AWAY:
+        near = binary_dilation(walls, iterations=away // side) if away >= side else walls
+        if (known & ~near).sum() >= max(_LEAST_BLOCKS, _ENOUGH * known.sum()):
+            break
+    return np.asarray(near)
 
 
 def _weights(sigma: np.ndarray) -> np.ndarray:
