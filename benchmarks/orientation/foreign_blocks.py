@@ -37,10 +37,12 @@ SOURCES = {
     "asteroid": "borglab/gtsfm, tests/data/astrovision/test_2011212_opnav_022/images",
     "banana": "pierotofy/dataset_banana, images",
     "boruszyn": "merkato/odm_boruszyn_kap, images",
+    "buddha": "alicevision/dataset_buddha (13 photographs, reduced, distortion removed)",
     "buddha_part": "alicevision/dataset_buddha, buddha",
     "caliterra": "OpenDroneMap/odm_data_caliterra, images",
     "castle_19": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/castle-P19/images",
     "castle_30": "openMVG/SfM_quality_evaluation, Benchmarking_Camera_Calibration_2008/castle-P30/images",
+    "cathedral": "hkaiyu/structure-from-motion, dataset/misc/cathedral/images",
     "copr": "OpenDroneMap/odm_data_copr, images",
     "crazyhorse": "royshil/SfM-Toy-Library, dataset/crazyhorse",
     "door_no_exif": "borglab/gtsfm, tests/data/set4_lund_door_nointrinsics_noextrinsics_noexif/images",
@@ -66,6 +68,7 @@ SOURCES = {
     "lund_twelve": "hkaiyu/structure-from-motion, dataset/erik/erik_8/images",
     "mobilebrick": "borglab/gtsfm, tests/data/mobilebrick/image",
     "monstree": "alicevision/dataset_monstree, full",
+    "parkour": "yyfz/Pi3, examples/parkour",
     "red_fountain": "hkaiyu/structure-from-motion, dataset/misc/red_fountain/images",
     "reichstag": "borglab/gtsfm, tests/data/imb_reichstag/images",
     "rock": "NLeSC/structure-from-motion, examples/rock",
@@ -81,10 +84,13 @@ SOURCES = {
 """Where blocks come from: public repositories, folder; all of their photographs that a clone holds, in the order of their names."""
 REDUCED = "Photographs with a longer side of more than 1380 px were reduced to 1200 px (Lanczos, EXIF kept)."
 LOADED = (
-    "Measured beside twenty other processes, which makes CPU seconds two to three times as many: crazyhorse, door_no_exif, house, "
-    "lund_eleven, lund_ten, lund_twelve, room, valley (its kernels were compiled as well)."
+    "In one run with the peer, at 0d26e70, beside a dozen other processes: asteroid (kernels compiled as well), buddha, cathedral, "
+    "crazyhorse, hilti, mobilebrick, parkour, red_fountain, sample_mvs, snowpeak. The others in earlier states. Measured beside "
+    "twenty other processes, which makes CPU seconds two to three times as many: door_no_exif, house, lund_eleven, lund_ten, "
+    "lund_twelve, room, valley (its kernels were compiled as well); the peer of door_no_exif and of lund_eleven, lund_ten and "
+    "lund_twelve ran later."
 )
-"""Rows to be measured again on a quiet machine: take the names out then"""
+"""In which state rows were measured, and which are to be measured again on a quiet machine"""
 
 
 @dataclass(frozen=True)

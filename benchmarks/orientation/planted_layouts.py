@@ -23,6 +23,7 @@ from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 LEAST_MATCHES = 15
 RECORD = RESULTS / "planted_layouts.csv"
+STATES = "Corners were measured at c290ff7, the other shapes at 10038a4: to be renewed together."
 CONSTANT, DETERMINED = 1.2, 0.01
 """The planted camera constant by the true one; standard error of a free camera constant, in units of it, up to which a block is
 expected to notice that."""
@@ -95,7 +96,7 @@ def page(rows: list[Case], seed: int) -> str:
         "# Layouts with planted blunders",
         "",
         f"`python -m benchmarks.orientation.planted_layouts` (make bench-layouts), {machine()}; seed {seed}, {done}, {count} "
-        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each.",
+        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each. {STATES}",
         "",
         f"Converged: **{_share(row.converged for row in rows)}** (all wanted). The planted blunder named: "
         f"**{_share(row.named for row in named)}** (95 % wanted). Nothing else named: **{_share(row.clean for row in rows)}** "
