@@ -153,3 +153,14 @@ def test_every_second_cell_of_a_height_model_stays_in_its_place():
 def test_a_height_model_of_holes_is_a_sentence():
     with pytest.raises(GeometryError, match="no three heights beside each other"):
         mend_heights(np.full((6, 8), np.nan), GRID, 1)
+
+
+def test_no_block_of_triangles_lies_across_the_mesh():
+    """A sheet that is long, thin and bent: a curve through space leaves it and comes back elsewhere."""
+    along, across = np.meshgrid(np.linspace(0, 40, 1600), np.linspace(0, 5, 200))
+    places = np.stack([along, across, 4 * np.sin(along / 6)], axis=-1).reshape(-1, 3)
+    order = spatial_order(places)
+    assert np.array_equal(np.sort(order), np.arange(len(places)))
+    blocks = [places[order[first : first + PER_BLOCK]] for first in range(0, len(places), PER_BLOCK)]
+    sides = [np.ptp(block, axis=0).max() for block in blocks]
+    assert len(blocks) == 20 and max(sides) < 2 * np.median(sides)
