@@ -37,7 +37,8 @@ def whole_shift(
     apart = placed.in_plan and not moved and np.hypot(placed.east or 0.0, placed.north or 0.0) > cell
     # Beyond a cell corrections are not proportional to a shift in plan that is still in the surface: the looks moved it back.
     if apart or not last.blocks:
-        return placed.model_copy(update={"up": -raised if apart else -raised - level})
+        kept = 0.0 if moved else placed.up - placed.level
+        return placed.model_copy(update={"up": kept - raised - (0.0 if apart else level)})
     plan = {"east": placed.east, "north": placed.north} if moved else {}
     return last.after(SurfaceShift(up=-raised - level, up_sigma=0.0, **plan))
 

@@ -218,21 +218,22 @@ class DsmCheckStage(Stage):
         before, found, up, look = None, NO_SHIFT, view.table(PLACED).up, 0
         while look < _MOST_LOOKS and not (before and found.settled(before)):
             look += 1
-            yield from passes.placing(view, source, look, fine if before else rough, up, found)
+            yield from passes.placing(view, source, look, fine if before else rough, up, found.certain)
             before, found = found, view.table(shift_after(look))
         if found.in_plan and fine:
             # Windows on coarse orthoimages blur roofs: what they find is right to some tenths of a cell of theirs.
             look += 1
             yield passes.level_pairs(0)
-            yield from passes.placing(view, source, look, 0, up, found)
+            yield from passes.placing(view, source, look, 0, up, found.certain)
             found = view.table(shift_after(look))
+        moved = found.in_plan and source.shift == "remove"
         # To the millimetre: the surface that is given back must not show the digits of an estimate.
-        return _PlacedSurface(shift_after(look), found, round(up - found.up, 3))
+        return _PlacedSurface(shift_after(look), found, round(up - (found.up if moved else found.level), 3))
 
     def _file(self, view: ProjectView, passes: Passes, source: SurfaceFile, placed: "_PlacedSurface") -> Iterator[RasterSpec | Job]:
         """The surface from a file, in the height system of the photographs."""
-        grid, shift = passes.surface.grid, placed.found
-        taken = moved_grid(grid, shift) if source.shift == "remove" and shift.in_plan else grid
+        grid = passes.surface.grid
+        taken = moved_grid(grid, placed.found) if source.shift == "remove" and placed.found.in_plan else grid
         yield passes.raster(INPUT)
         yield passes.raster(FILLED, "uint8")
         fill = source.holes == "fill" and view.has_stage("densification")

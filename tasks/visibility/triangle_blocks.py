@@ -1,8 +1,8 @@
 """A mesh cut into blocks of neighbouring triangles, so that a job reads those that it needs and not the whole mesh.
 
 The mesh is halved across its longest side again and again, until each part is a block of 16384 triangles: 128 x 128 pixels of a
-raster with nine bands, the corners of a triangle. A triangle's number is its place in that order, so it also tells its block. Corners
-are float32 relative to an origin near the mesh: 0.03 mm over a kilometre; at a common edge triangles have the same bits.
+raster with nine bands, the corners of a triangle. A triangle's number is its place in that order, so it also tells its block.
+Corners are float32 relative to an origin near the mesh: 0.03 mm over a kilometre; at a common edge triangles have the same bits.
 """
 
 from dataclasses import dataclass

@@ -19,7 +19,7 @@ from orthomill.tasks.dsm_check.areas import SuspiciousArea
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface
 from orthomill.tasks.dsm_check.surfaces.placing import place, places
-from orthomill.tasks.dsm_check.surfaces.surface_shift import surface_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
 from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
 
@@ -119,6 +119,15 @@ def test_the_smoothed_feet_of_walls_do_not_pull_a_shift():
     found = surface_shift(coarse, 8)
     assert found.east is not None and found.plan_sigma is not None and abs(found.east) < 3 * found.plan_sigma[0] < 0.1
     assert abs(found.up) < 0.01
+
+
+def test_a_shift_in_plan_that_is_not_beyond_doubt_moves_nothing():
+    slope, doubtful = (0.1, 0.0), {"east": 2.0, "north": 0.0, "plan_sigma": (1.0, 1.0)}
+    found = SurfaceShift(up=0.7, up_sigma=0.01, blocks=100, slope=slope, **doubtful)
+    assert found.level == pytest.approx(0.5)
+    assert found.certain.east is None and found.certain.up == pytest.approx(0.5)
+    sure = found.model_copy(update={"plan_sigma": (0.1, 0.1)})
+    assert sure.certain == sure
 
 
 def test_few_blocks_tell_the_height_alone():

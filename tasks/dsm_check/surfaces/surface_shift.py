@@ -41,6 +41,19 @@ class SurfaceShift(BaseModel):
     north: float | None = None
     plan_sigma: tuple[float, float] | None = None
     blocks: int = 0
+    slope: tuple[float, float] = (0.0, 0.0)
+    """mean slope to the east and to the north of the blocks that told it"""
+
+    @property
+    def level(self) -> float:
+        """m: how far it lies too high on average if it stays where it is in plan."""
+        return self.up - (self.east or 0.0) * self.slope[0] - (self.north or 0.0) * self.slope[1]
+
+    @property
+    def certain(self) -> "SurfaceShift":
+        """What is beyond doubt: a shift in height alone unless there is one in plan. Where all of a surface slopes or is bent as a
+        whole, one in plan is hardly to be told from one in height."""
+        return self if self.in_plan else SurfaceShift(up=self.level, up_sigma=self.up_sigma, blocks=self.blocks)
 
     def after(self, before: "SurfaceShift") -> "SurfaceShift":
         """The whole shift of a surface that had been moved back by `before` when this was found; as precise as this."""
@@ -160,6 +173,7 @@ def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
         north=float(fit.values[2]),
         plan_sigma=(float(sigma[1]), float(sigma[2])),
         blocks=len(dh),
+        slope=(float(slopes[:, 0].mean()), float(slopes[:, 1].mean())),
     )
 
 
