@@ -1,5 +1,6 @@
 """How areas where photographs and surface disagree are told: errors of a surface of the same time, changes since an earlier one."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -73,11 +74,16 @@ def area_warnings(areas: list[SuspiciousArea], trend: Trend, words: AreaWords) -
     if not areas:
         return
     named = "; ".join(
-        f"{words.side(area.dh)} by about {abs(area.dh):.2g} m over {area.area:.2g} m2 at X {area.x:.0f}, Y {area.y:.0f}"
-        for area in areas[:_WARNED]
+        f"{words.side(area.dh)} by about {abs(area.dh):.2g} m over {area.area:.2g} m2 at {_place(area)}" for area in areas[:_WARNED]
     )
     more = f"; {len(areas) - _WARNED} more areas are in the table" if len(areas) > _WARNED else ""
     # To the centimetre: a trend of a millimetre is none.
     flat = abs(trend.middle) < 0.005
     relative = "" if flat else f", relative to the trend of all corrections ({trend.middle:+.2f} m in the middle)"
     yield words.told.format(relative=relative, areas=f"{named}{more}")
+
+
+def _place(area: SuspiciousArea) -> str:
+    # To a tenth of its width or better: whole metres say nothing on a wall.
+    digits = max(0, 1 - math.floor(math.log10(math.sqrt(area.area))))
+    return f"X {area.x:.{digits}f}, Y {area.y:.{digits}f}"

@@ -7,7 +7,7 @@ from tiny_block import EAST, FLYING, NORTH, block
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Provenance, Surface
-from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, blocks, suspicious_areas
+from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, SuspiciousArea, Trend, blocks, suspicious_areas
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import (
     CheckedPair,
@@ -21,7 +21,7 @@ from orthomill.tasks.dsm_check.coverage import (
 )
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
 from orthomill.tasks.dsm_check.report import Blocks, report
-from orthomill.tasks.dsm_check.report_areas import CHANGES
+from orthomill.tasks.dsm_check.report_areas import CHANGES, area_warnings
 from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values, with_pairs_apart
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
@@ -350,3 +350,10 @@ def test_differences_from_an_earlier_surface_are_told_as_change():
     assert told.startswith("The ground has changed") and "risen by about 2 m" in told and "fallen by about 1.5 m" in told
     assert {feature.properties["ground"] for feature in made.areas.features} == {"risen", "fallen"}
     assert any(picture.title == "Change since the earlier surface" for picture in made.report.pictures)
+
+
+@pytest.mark.parametrize(("area", "place"), [(1600.0, "X 3, Y -1"), (9.0, "X 3.1, Y -1.2"), (0.09, "X 3.14, Y -1.21")])
+def test_an_area_is_placed_to_a_tenth_of_its_width(area, place):
+    one = SuspiciousArea(x=3.1416, y=-1.214, area=area, dh=1.0, extreme=2.0, blocks=np.zeros((1, 2), int))
+    (told,) = area_warnings([one], Trend(0.0, 0.0, 0.0, 0.0), CHANGES)
+    assert f"at {place}. " in told
