@@ -101,9 +101,8 @@ def report(
     areas = suspicious_areas(coarse, plane, blocks.grid, blocks.size, blocks.significance)
     of_file = None
     if shift:
-        middle, moved = level.middle if level else 0.0, shift.in_plan and not keeps
         medians = [_summary(_of_pair(tiles, pair.name), pairs).median for pair in pairs.pairs]
-        of_file = with_pairs_apart(whole_shift(coarse, blocks.size, shift, raised, middle, moved, blocks.grid.cell), medians)
+        of_file = with_pairs_apart(whole_shift(shift, raised, shift.in_plan and not keeps), medians)
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = _detectable(coarse, blocks.significance)
     tilts = _tilt_warnings(trend, pairs, detectable)

@@ -10,7 +10,7 @@ from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
 from orthomill.tasks.dsm_check.correction_map import POWER
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import RELIEF, TileCounts
-from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
+from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
 
 _SURE = 4.0
 """standard errors from which a shift is told as a fact"""
@@ -24,23 +24,10 @@ _NO_DATUM = 200.0
 Values = dict[str, float | int | None]
 
 
-def whole_shift(
-    coarse: np.ndarray, side: int, placed: SurfaceShift, raised: float, level: float, moved: bool, cell: float
-) -> SurfaceShift:
-    """The shift of a surface as it was given, as the whole check knows it.
-
-    coarse: blocks (rows, cols, 5) of the check, of `side` cells. placed: what the looks before it found. raised: m, by how much
-    the surface was raised for the check; level: m, what is in none of its corrections; moved: whether it was moved back in plan
-    as well. cell: m.
-    """
-    last = surface_shift(coarse, side)
-    apart = placed.in_plan and not moved and np.hypot(placed.east or 0.0, placed.north or 0.0) > cell
-    # Beyond a cell corrections are not proportional to a shift in plan that is still in the surface: the looks moved it back.
-    if apart or not last.blocks:
-        kept = 0.0 if moved else placed.up - placed.level
-        return placed.model_copy(update={"up": kept - raised - (0.0 if apart else level)})
-    plan = {"east": placed.east, "north": placed.north} if moved else {}
-    return last.after(SurfaceShift(up=-raised - level, up_sigma=0.0, **plan))
+def whole_shift(placed: SurfaceShift, raised: float, moved: bool) -> SurfaceShift:
+    """The shift of a surface as it was given. placed: after it was brought to the tie points; raised: m, by how much it was raised
+    for the check; moved: whether it was moved back in plan as well."""
+    return placed.model_copy(update={"up": (0.0 if moved else placed.up - placed.level) - raised})
 
 
 def with_pairs_apart(found: SurfaceShift, medians: list[float]) -> SurfaceShift:

@@ -220,7 +220,7 @@ class DsmCheckStage(Stage):
             look += 1
             yield from passes.placing(view, source, look, fine if before else rough, up, found.certain)
             before, found = found, view.table(shift_after(look))
-        if found.in_plan and fine:
+        if fine:
             # Windows on coarse orthoimages blur roofs: what they find is right to some tenths of a cell of theirs.
             look += 1
             yield passes.level_pairs(0)
