@@ -135,6 +135,12 @@ def test_few_blocks_tell_the_height_alone():
     assert found.east is None and not found.in_plan and abs(found.up - 1.25) < 1.0
 
 
+def test_many_blocks_of_one_group_tell_the_height_alone():
+    """One group has no scatter, and a shift in plan without a standard error would be beyond every doubt."""
+    found = surface_shift(blocks_of(0.8, -0.5, 1.25)[24:32, 24:32], 8)
+    assert found.blocks == 64 and found.east is None and not found.in_plan
+
+
 def test_holes_take_what_the_photographs_measured_and_nothing_else():
     heights = np.array([[1.0, np.nan, np.nan, np.inf]], np.float32)
     matched = np.array([[9.0, 9.0, 9.0, 9.0]], np.float32)

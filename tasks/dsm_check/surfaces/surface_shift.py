@@ -20,6 +20,8 @@ _LEAST_BLOCKS = 60
 """blocks of which a shift in plan can be told"""
 _GROUP, _FEWEST_OF_GROUP = 64, 8
 """cells, and blocks at least, along a side of a group whose errors may be alike"""
+_LEAST_GROUPS = 8
+"""groups of which a scatter can be told beside five unknowns"""
 _AWAY = (16, 8, 4, 0)
 """cells around steep blocks that do not count either, as many as leave `_ENOUGH` of the blocks: where a surface is smoothed, as
 those of other programs are, the foot of a wall is too high and its top too low, and both slope as the wall does"""
@@ -155,7 +157,7 @@ def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
     precise = _weights(coarse[known][:, SIGMA].astype(np.float64))
     group = max(_FEWEST_OF_GROUP, _GROUP // side)
     groups = np.unique(rows // group * coarse.shape[1] + cols // group, return_inverse=True)[1].ravel()
-    if known.sum() < _LEAST_BLOCKS:
+    if known.sum() < _LEAST_BLOCKS or groups.max(initial=-1) + 1 < _LEAST_GROUPS:
         alone = _robust(np.ones((len(dh), 1)), dh, precise, groups)
         return SurfaceShift(up=-float(alone.values[0]), up_sigma=float(np.sqrt(alone.covariance[0, 0])), blocks=len(dh))
     slopes = coarse[known][:, [EAST, NORTH]].astype(np.float64)
@@ -165,7 +167,7 @@ def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
     fit = _robust(np.column_stack([np.ones(len(dh)), others - others.mean(axis=0)]), dh, precise, groups)
     up = -(fit.values[0] - fit.values[1:3] @ slopes.mean(axis=0))
     turn = np.concatenate([[1.0], -slopes.mean(axis=0), [0.0, 0.0]])
-    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 1e-18))
     return SurfaceShift(
         up=float(up),
         up_sigma=float(np.sqrt(turn @ fit.covariance @ turn)),
