@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.raster import Tile, Window, tiles_of
-from orthomill.tasks.imagery.pyramid import level_to_full
+from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, FeatureTables, Values
 
@@ -85,27 +85,36 @@ def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection
     sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=detection.contrast)
     points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
     numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
-    # Descriptors are most of the work: they are computed for the points that are kept only.
+    # Descriptors are most of the work: they are computed for points that the photograph may keep only.
     chosen = _strongest_in_core(numbers, detection)
     descriptors = _descriptors(sift, grey, [points[number] for number in chosen])
     return FeatureTables(_features(numbers[chosen], detection), Values(descriptors.ravel()))
 
 
 def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:
-    """Numbers of the points in the core that are among the strongest of their cell, in a fixed order."""
+    """Numbers of the points in the core that the photograph may keep, whatever its other parts offer, in a fixed order."""
     core, window = detection.core, detection.window
     col, row = numbers[:, 0] + window.col, numbers[:, 1] + window.row
     inside = (col >= core.col) & (col < core.col + core.width) & (row >= core.row) & (row < core.row + core.height)
     kept = np.flatnonzero(inside)
     # Position and direction break ties of equal strength: OpenCV's own order depends on its threads.
     order = kept[np.lexsort((numbers[kept, 3], col[kept], row[kept], -numbers[kept, 4]))]
-    return order[_rank_in_cell(col[order], row[order]) < detection.per_cell]
+    order = order[_rank_in_cell(col[order], row[order]) < detection.per_cell]
+    return order[_best_of_cells(col[order], row[order], numbers[order, 4], detection.max_features)]
 
 
 def strongest_in_cells(col: np.ndarray, row: np.ndarray, strength: np.ndarray, per_cell: int) -> np.ndarray:
     """Numbers of the points, px of the level, that are among the `per_cell` strongest of their cell, in a fixed order."""
     order = np.lexsort((col, row, -strength))
     return order[_rank_in_cell(col[order], row[order]) < per_cell]
+
+
+def _best_of_cells(col: np.ndarray, row: np.ndarray, strength: np.ndarray, most: int) -> np.ndarray:
+    """Numbers of at most `most` points, px of the level: the best point of every cell before the second best of any."""
+    by_strength = np.lexsort((col, row, -strength))
+    rank = np.empty(len(col), dtype=np.int64)
+    rank[by_strength] = _rank_in_cell(col[by_strength], row[by_strength])
+    return np.lexsort((col, row, -strength, rank))[:most]
 
 
 def _rank_in_cell(col: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -147,11 +156,7 @@ def _features(numbers: np.ndarray, detection: Detection) -> Features:
 def photo_features(features: tuple[Features, ...], descriptors: tuple[Values, ...], level: int, max_features: int) -> FeatureTables:
     """The features of a photograph from those of its parts: at most `max_features`, evenly distributed, in order of their rows."""
     col, row, response = (np.concatenate([getattr(part, name) for part in features]) for name in ("col", "row", "response"))
-    # Rank within the cell comes first: the best point of every cell is taken before the second best of any.
-    by_strength = np.lexsort((col, row, -response))
-    rank = np.empty(len(col), dtype=np.int64)
-    rank[by_strength] = _rank_in_cell(col[by_strength] / 2**level, row[by_strength] / 2**level)
-    best = np.lexsort((col, row, -response, rank))[:max_features]
+    best = _best_of_cells(full_to_level(col, level), full_to_level(row, level), response, max_features)
     size, angle = (np.concatenate([getattr(part, name) for part in features]) for name in ("size", "angle"))
     chosen = best[np.lexsort((angle[best], col[best], row[best]))]
     values = np.concatenate([part.rows(DESCRIPTOR) for part in descriptors])[chosen]
