@@ -24,6 +24,7 @@ from distributed.security import Security
 
 from orthomill.pipeline.engine.dashboard_guard import Guard, new_secret
 from orthomill.pipeline.engine.interruption import stop_if_asked
+from orthomill.pipeline.engine.runner import SchedulerLost
 from orthomill.schemas.errors import ResourceError
 
 MEMORY = "orthomill_memory"
@@ -37,6 +38,8 @@ CLOSING = 20
 """Seconds that client and cluster may take to close; after that their processes end with this one."""
 PROGRAM = ("orthomill.pipeline.engine.dask_runner:execute_sent", "orthomill:__version__")
 """What a worker must be able to load: how jobs are done, and the version by which they were planned."""
+NOTHING = logging.CRITICAL + 1
+"""Level of logging for libraries that call the loss of a connection critical, with a traceback."""
 LOST = (CommClosedError, TimeoutError, OSError, RuntimeError, AttributeError)
 """What Dask raises when it is used after its scheduler has gone: besides its own error whatever the missing parts cause."""
 
@@ -101,7 +104,7 @@ class GuardedScheduler(Scheduler):
 def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
     """A client of `workers` processes with `memory` bytes each; the dashboard listens on `port` or the next free one.
 
-    Raises ResourceError when the processes do not start or the scheduler is lost.
+    Raises ResourceError when the processes do not start, SchedulerLost when their scheduler goes.
     """
     _silence()
     secret = new_secret()
@@ -140,13 +143,13 @@ def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
     """A scheduler in this process, and worker processes of this machine."""
     common = {"host": "127.0.0.1", "protocol": "tls://", "security": Security.temporary()}
     scheduler = {"secret": secret, "port": 0, "dashboard": True, "dashboard_address": f"127.0.0.1:{free_port(port)}"}
-    worker = {"nthreads": 1, "memory_limit": memory, "resources": {MEMORY: memory}, "silence_logs": logging.CRITICAL}
+    worker = {"nthreads": 1, "memory_limit": memory, "resources": {MEMORY: memory}, "silence_logs": NOTHING}
     worker["death_timeout"] = READY
     return SpecCluster(
         scheduler={"cls": GuardedScheduler, "options": common | scheduler},
         workers={number: {"cls": Nanny, "options": common | worker} for number in range(workers)},
         security=common["security"],
-        silence_logs=logging.CRITICAL,
+        silence_logs=NOTHING,
     )
 
 
@@ -180,14 +183,14 @@ def _allow_memory(memory: int, dask_worker: Nanny) -> None:
 
 @contextmanager
 def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
-    """A client, whose end never hides the reason for which the run ends. Raises ResourceError when its scheduler is lost."""
+    """A client, whose end never hides the reason for which the run ends. Raises SchedulerLost."""
     try:
         yield client
     except LOST as error:
         # A client that is still connected has nothing to do with errors that Dask may cause by its loss.
         if client.status == "running" and not isinstance(error, CommClosedError):
             raise
-        raise ResourceError(
+        raise SchedulerLost(
             f"The Dask scheduler {where} was lost in the middle of the run; finished jobs are kept, so {advice} "
             "and run the same command again to continue."
         ) from error
@@ -199,7 +202,7 @@ def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
 def _silence() -> None:
     """What these libraries would log with tracebacks, the loss of a connection above all, is reported in one sentence."""
     for name in ("distributed", "distributed.client", "tornado", "asyncio", "bokeh"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        logging.getLogger(name).setLevel(NOTHING)
 
 
 @contextmanager

@@ -6,9 +6,14 @@ from typing import Literal, Protocol
 
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.records.records import Key
+from orthomill.schemas.errors import ResourceError
 
 ATTEMPTS = 2
 """A failed job is tried once more: the disk may have been full for a moment, or the worker may have been killed."""
+
+
+class SchedulerLost(ResourceError):
+    """What hands jobs to workers has gone, and with it all that had not ended; another runner can go on."""
 
 
 @dataclass(frozen=True)

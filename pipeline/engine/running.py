@@ -20,9 +20,9 @@ import psutil
 
 from orthomill.pipeline.engine.foresight import Foresight, photograph_pixels
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
-from orthomill.pipeline.engine.interruption import only_where_asked
+from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_asked
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
-from orthomill.pipeline.engine.runner import Runner, SequentialRunner
+from orthomill.pipeline.engine.runner import Runner, SchedulerLost, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
 from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
@@ -47,6 +47,8 @@ UNENCRYPTED = (
     "warning: the connection to {} is not encrypted, and whoever reaches that scheduler can run code as you; use certificates "
     "(--tls-ca, --tls-cert, --tls-key) unless the network is yours alone."
 )
+
+LOST = "The Dask scheduler of this machine was lost, perhaps for want of processors or memory; {} jobs are done, and a new one goes on."
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,20 @@ def _run(session: Session, options: Options, watch: Watch, announce: Callable[[s
     """Run all pending jobs; returns the description of the runner."""
     # Checked before workers start: starting them takes seconds, and the refusal needs none of them.
     session.check_resources(options.room)
+    while True:
+        before = len(session.done)
+        try:
+            return _run_once(session, options, watch, announce)
+        except SchedulerLost:
+            stop_if_asked()
+            # A cluster elsewhere is restarted by those who own it; one that finishes nothing will not do so the next time.
+            if options.scheduler or len(session.done) == before:
+                raise
+            announce(LOST.format(len(session.done)))
+            session.take_up()
+
+
+def _run_once(session: Session, options: Options, watch: Watch, announce: Callable[[str], None]) -> str:
     with _runner(session.folder, options, announce) as runner, watch(session, runner, options.processes) as watcher:
         if runner.dashboard:
             announce(f"dashboard: {runner.dashboard}")

@@ -174,7 +174,7 @@ class Session:
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for key in list(self.graph.jobs)[self._announced :]:
             watcher.planned(self.graph.jobs[key])
-            if key in self.skipped:
+            if self.is_valid(key):
                 watcher.skipped(key)
         self._announced = len(self.graph.jobs)
         self._submit(runner)
@@ -242,6 +242,13 @@ class Session:
         self.pending = [planned for key, planned in self.graph.jobs.items() if key in again]
         self._submit(runner)
         return True
+
+    def take_up(self) -> None:
+        """After its runner was lost: whatever has not been done is pending again, for another runner and another watcher."""
+        self.failures.clear()
+        self.blocked.clear()
+        self.pending = [planned for key, planned in self.graph.jobs.items() if not self.is_valid(key)]
+        self._announced = 0
 
     def stage_runs(self) -> tuple[StageRun, ...]:
         """The state of every stage so far."""

@@ -2,13 +2,17 @@
 
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
+import numpy as np
 import pytest
 from toy_stages import CATALOGUE, PROJECT, TOTAL, SmoothStage, SourceStage, SumStage, pixels
 
+from orthomill.pipeline.engine import running
 from orthomill.pipeline.engine.run_facts import read_facts
-from orthomill.pipeline.engine.running import DASHBOARD, MIB, Options, check_stage_names, run_workflow, session_of
+from orthomill.pipeline.engine.runner import SchedulerLost, SequentialRunner
+from orthomill.pipeline.engine.running import DASHBOARD, LOST, MIB, Options, check_stage_names, run_workflow, session_of
 from orthomill.pipeline.engine.session import Unwatched
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.report.results import REPORT, SUMMARY, rewrite_results, run_with_report
@@ -122,6 +126,55 @@ def test_an_interrupted_run_leaves_its_facts_and_no_lock(tmp_path):
     facts = read_facts(folder)
     assert facts is not None and facts.finished is None and facts.stage("source").done == 2
     assert not is_running(folder)
+
+
+def lost_after(monkeypatch, *lives):
+    """Runners of this machine that are lost after so many jobs each; those after them live on."""
+    left = iter(lives)
+
+    @contextmanager
+    def runner_of(folder, options, announce):
+        runner, life = SequentialRunner(1500 * MIB), next(left, 1000)
+        ended = count(1)
+
+        def next_of():
+            if next(ended) > life:
+                raise SchedulerLost("The Dask scheduler of this machine was lost.")
+            return SequentialRunner.next(runner)
+
+        runner.next = next_of
+        yield runner
+
+    monkeypatch.setattr(running, "_on_dask", runner_of)
+
+
+def test_a_run_whose_scheduler_is_lost_goes_on_with_another(tmp_path, monkeypatch):
+    lost_after(monkeypatch, 2, 1)
+    said, shown = [], []
+
+    @contextmanager
+    def watch(session, runner, workers):
+        class Counting(Unwatched):
+            planned = staticmethod(lambda job: shown[-1].add(job.key))
+            skipped = staticmethod(lambda key: shown[-1].discard(key))
+            finished = staticmethod(lambda job, record: shown[-1].discard(job.key))
+
+        shown.append(set())
+        yield Counting()
+
+    facts = run_workflow(loaded_in(tmp_path), Options(), Written(), watch, said.append)
+    assert facts.complete and [line for line in said if "lost" in line] == [LOST.format(2), LOST.format(3)]
+    assert len(shown) == 3 and shown[0] and not shown[-1], "the last display knows every job and its end"
+    run_workflow(loaded_in(tmp_path / "whole"), SEQUENTIAL, Written())
+    assert np.array_equal(pixels(tmp_path), pixels(tmp_path / "whole"))
+
+
+def test_a_scheduler_that_is_lost_before_any_job_ends_is_not_replaced(tmp_path, monkeypatch):
+    lost_after(monkeypatch, 2, 0)
+    with pytest.raises(SchedulerLost):
+        run_workflow(loaded_in(tmp_path), Options(), Written())
+    facts = read_facts(tmp_path / "runs" / "toy")
+    assert facts is not None and sum(stage.done for stage in facts.stages) == 2
 
 
 def test_a_run_sweeps_away_what_a_killed_one_left(tmp_path):
