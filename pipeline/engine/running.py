@@ -48,7 +48,7 @@ UNENCRYPTED = (
     "(--tls-ca, --tls-cert, --tls-key) unless the network is yours alone."
 )
 
-LOST = "The Dask scheduler of this machine was lost, perhaps for want of processors or memory; {} jobs are done, and a new one goes on."
+LOST = "The Dask scheduler of this machine was lost, perhaps for want of processors; {} jobs are done, and a new one does the rest."
 
 
 @dataclass(frozen=True)

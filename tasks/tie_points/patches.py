@@ -7,13 +7,14 @@ A strip of a photograph (a tile high, with a halo) gives the patches of the obse
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.pyramid import full_to_level
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.tie_points.match_records import Observations, Values
 
-_BATCH = 512  # patches extracted at a time: the fancy indexing below holds three copies of them
+_ROWS = 64  # rows whose grey values are computed at a time: as floating-point numbers they take twelve times the memory
 
 
 @dataclass(frozen=True)
@@ -44,30 +45,34 @@ def strip_patches(pixels: np.ndarray, overview: np.ndarray, observations: Observ
     _, centres = nearest_pixels(observations, strip.level)
     inside = (centres[:, 1] >= strip.row) & (centres[:, 1] < strip.row + strip.height)
     local = centres[inside] - [0, strip.window.row]
-    limits = grey_range(overview)
-    batches = [_cut(pixels, local[start : start + _BATCH], strip.half, limits) for start in range(0, len(local), _BATCH)]
-    return Values(np.concatenate([batch.ravel() for batch in batches]) if batches else np.empty(0, dtype=np.uint8))
+    side = 2 * strip.half + 1
+    windows = sliding_window_view(_bordered(pixels, strip.half + 1, grey_range(overview)), (side, side))
+    return Values(windows[local[:, 1] + 1, local[:, 0] + 1].ravel())
 
 
-def _cut(pixels: np.ndarray, centres: np.ndarray, half: int, limits: tuple[float, float]) -> np.ndarray:
-    """Patches (N, side, side) uint8 around `centres` (N, 2) (col, row) of `pixels`."""
-    reach = np.arange(-half, half + 1)
-    col, row = centres[:, 0, None] + reach, centres[:, 1, None] + reach
-    in_col, in_row = (col >= 0) & (col < pixels.shape[1]), (row >= 0) & (row < pixels.shape[0])
-    # Indices are clipped to gather anything at all beyond the border; the mask below replaces what was gathered there.
-    patches = pixels[row.clip(0, pixels.shape[0] - 1)[:, :, None], col.clip(0, pixels.shape[1] - 1)[:, None, :]]
-    side = len(reach)
-    grey = grey_bytes(patches.reshape(-1, side, *patches.shape[3:]), limits).reshape(-1, side, side)
-    return np.where(in_row[:, :, None] & in_col[:, None, :], np.maximum(grey, 1), 0).astype(np.uint8)
+def _bordered(pixels: np.ndarray, border: int, limits: tuple[float, float]) -> np.ndarray:
+    """Grey values, 1 to 255, with a border of 0 on all sides."""
+    rows, cols = pixels.shape[:2]
+    grey = np.zeros((rows + 2 * border, cols + 2 * border), np.uint8)
+    for row in range(0, rows, _ROWS):
+        part = pixels[row : row + _ROWS]
+        grey[border + row : border + row + len(part), border:-border] = np.maximum(grey_bytes(part, limits), 1)
+    return grey
 
 
-def joined_patches(strips: tuple[Values, ...], observations: Observations, level: int, tile: int, half: int) -> np.ndarray:
-    """The patches (N, side, side) of a photograph in the order of its observations, from those of its strips of `tile` rows."""
+def chosen_patches(
+    strips: tuple[Values, ...], observations: Observations, rows: np.ndarray, level: int, tile: int, half: int
+) -> np.ndarray:
+    """The patches (R, side, side) of the observations `rows` (R,) of a photograph, from those of its strips of `tile` rows."""
     side = 2 * half + 1
-    patches = np.concatenate([strip.rows(side * side) for strip in strips]).reshape(-1, side, side)
     _, centres = nearest_pixels(observations, level)
-    # Every strip kept the order of its observations; a stable sort by strip is the order in which they were written.
-    in_file = np.argsort(centres[:, 1] // tile, kind="stable")
-    ordered = np.empty_like(patches)
-    ordered[in_file] = patches
-    return ordered
+    strip = centres[:, 1] // tile
+    # Every strip kept the order of its observations.
+    order = np.argsort(strip, kind="stable")
+    place = np.empty(len(strip), np.int64)
+    place[order] = np.arange(len(strip)) - np.searchsorted(strip[order], strip[order])
+    patches = np.empty((len(rows), side, side), np.uint8)
+    for number, stored in enumerate(strips):
+        own = np.flatnonzero(strip[rows] == number)
+        patches[own] = stored.rows(side * side)[place[rows[own]]].reshape(-1, side, side)
+    return patches

@@ -20,7 +20,7 @@ from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of
 from orthomill.tasks.tie_points.match_records import Observations, Refined, RefinedPair, Values
 from orthomill.tasks.tie_points.pair_matching import epipolar_scatter
-from orthomill.tasks.tie_points.patches import joined_patches, nearest_pixels
+from orthomill.tasks.tie_points.patches import chosen_patches, nearest_pixels
 
 _BATCH = 1024  # patches of a mosaic: about 3 MB with patches of 55 px, which fit the cache
 # SIFT repeats directions to some degrees and sizes to a tenth; beyond these limits it found another peak of its histogram or
@@ -44,6 +44,10 @@ class PatchRules:
         """Half side of a patch."""
         return int(np.ceil(_ENLARGEMENT * self.matching.reach + self.matching.max_shift + 2))
 
+    def patches(self, strips: tuple[Values, ...], observations: Observations, rows: np.ndarray) -> np.ndarray:
+        """The patches of the observations `rows` of the photograph, from those of its strips."""
+        return chosen_patches(strips, observations, rows, self.level, self.tile, self.half)
+
     @property
     def gap(self) -> int:
         """px between the patches of a mosaic: smoothing one must not reach the next."""
@@ -63,15 +67,13 @@ def refine_pair(
 
     photos, names: numbers and names of the two; left_patches, right_patches: all strips of either.
     """
-    patches = [
-        joined_patches(strips, own, rule.level, rule.tile, rule.half)
-        for strips, own, rule in zip((left_patches, right_patches), observations, rules, strict=True)
-    ]
+    strips = left_patches, right_patches
     parts, ends = [], []
     for reference, other in ((0, 1), (1, 0)):
         shared = _shared(observations[reference], observations[other], photos[reference])
-        chosen = [observations[side].take(rows) for side, rows in zip((reference, other), shared, strict=True)]
-        cut = [patches[side][rows] for side, rows in zip((reference, other), shared, strict=True)]
+        sides = tuple(zip((reference, other), shared, strict=True))
+        chosen = [observations[side].take(rows) for side, rows in sides]
+        cut = [rules[side].patches(strips[side], observations[side], rows) for side, rows in sides]
         parts.append(
             refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], (rules[reference], rules[other]))
         )

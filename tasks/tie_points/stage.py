@@ -322,7 +322,8 @@ class TiePointsStage(Stage):
                 },
                 writes={"patches": _patches(photo.name, number)},
                 params={"strip": strip},
-                scratch=(2 * strip.half + 1) ** 2 * (self.max_features + 512 * 40),
+                # Patches, the grey values of the strip and, of some rows at a time, the numbers that these are made of.
+                scratch=(2 * strip.half + 1) ** 2 * self.max_features + 3 * strip.window.height * strip.window.width,
             )
 
     def _refinement_job(self, photos: Photos, pair: tuple[int, int], tile: int) -> Job:

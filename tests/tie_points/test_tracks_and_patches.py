@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.tie_points.match_records import Features, Observations, PairMatches, Values
-from orthomill.tasks.tie_points.patches import Strip, joined_patches, nearest_pixels, strip_patches
+from orthomill.tasks.tie_points.patches import Strip, chosen_patches, nearest_pixels, strip_patches
 from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
@@ -76,9 +76,14 @@ def observed(col, row) -> Observations:
 
 
 def by_strips(pixels: np.ndarray, own: Observations, tile: int) -> np.ndarray:
+    """The patches of all observations, asked for in two parts and in another order."""
     strips = [Strip(0, SHAPE, row, min(tile, SHAPE[0] - row), HALF) for row in range(0, SHAPE[0], tile)]
     values = tuple(strip_patches(pixels[strip.window.slices], pixels[::4, ::4], own, strip) for strip in strips)
-    return joined_patches(values, own, 0, tile, HALF)
+    rows = np.random.default_rng(1).permutation(len(own))
+    found = np.empty((len(own), 2 * HALF + 1, 2 * HALF + 1), np.uint8)
+    for part in np.array_split(rows, 2):
+        found[part] = chosen_patches(values, own, part, 0, tile, HALF)
+    return found
 
 
 @settings(max_examples=25, deadline=None)
