@@ -114,9 +114,15 @@ class Links(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     pairs: tuple[tuple[int, int], ...]
+    """sorted"""
     tracks: int
     conflicts: int
     """tracks dropped because they meet one photograph in two places"""
+
+    @property
+    def first(self) -> tuple[int, ...]:
+        """The photographs that are the first of pairs, in order."""
+        return tuple(sorted({left for left, _ in self.pairs}))
 
 
 @dataclass(frozen=True)
@@ -151,3 +157,18 @@ class RefinedPair(NamedTuple):
 
     refined: Refined
     scatter: Scatter
+
+
+class Scatters(BaseModel):
+    """Scatter of the pairs of a photograph with others, in their order."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pairs: tuple[Scatter, ...]
+
+
+class RefinedPairs(NamedTuple):
+    """Refined observations of the pairs of a photograph with others, and the scatter of each pair."""
+
+    refined: Refined
+    scatters: Scatters

@@ -8,7 +8,9 @@ Where the matching fails, the observation keeps its SIFT position with a corresp
 setting.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from orthomill.tasks.imagery.pyramid import level_to_full
 from orthomill.tasks.matching.least_squares.matching import match_points
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import reach_of
-from orthomill.tasks.tie_points.match_records import Observations, Refined, RefinedPair, Values
+from orthomill.tasks.tie_points.match_records import Observations, Refined, RefinedPair, RefinedPairs, Scatters, Values
 from orthomill.tasks.tie_points.pair_matching import epipolar_scatter
 from orthomill.tasks.tie_points.patches import chosen_patches, nearest_pixels
 
@@ -54,6 +56,49 @@ class PatchRules:
         return reach_of(self.matching.smoothing) + 1
 
 
+@dataclass(frozen=True)
+class Refinable:
+    """A photograph by its number and name; how its patches are matched, and in how many strips they were cut."""
+
+    number: int
+    name: str
+    rules: PatchRules
+    strips: int
+
+
+def refine_pairs(
+    own: Observations,
+    own_patches: tuple[Values, ...],
+    observations: Iterator[Observations],
+    patches: Iterator[Values],
+    cameras: Cameras,
+    photo: Refinable,
+    partners: tuple[Refinable, ...],
+) -> RefinedPairs:
+    """`refine_pair` of a photograph with each of its `partners`, whose observations and strips of patches follow each other.
+
+    A block has ten times as many pairs as photographs, and most pairs share a few points only: reading the patches of a photograph
+    again for each of them took longer than matching.
+    """
+    found = [
+        refine_pair(
+            (own, next(observations)),
+            own_patches,
+            tuple(islice(patches, partner.strips)),
+            cameras,
+            (photo.number, partner.number),
+            (photo.name, partner.name),
+            (photo.rules, partner.rules),
+        )
+        for partner in partners
+    ]
+    return RefinedPairs(_joined([pair.refined for pair in found]), Scatters(pairs=tuple(pair.scatter for pair in found)))
+
+
+def _joined(parts: list[Refined]) -> Refined:
+    return Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS})
+
+
 def refine_pair(
     observations: tuple[Observations, Observations],
     left_patches: tuple[Values, ...],
@@ -78,9 +123,8 @@ def refine_pair(
             refined_observations((chosen[0], chosen[1]), (cut[0], cut[1]), photos[other], (rules[reference], rules[other]))
         )
         ends.append(_left_and_right(chosen[0], parts[-1], reference))
-    refined = Refined(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS})
     points = np.concatenate([end[0] for end in ends]), np.concatenate([end[1] for end in ends])
-    return RefinedPair(refined, epipolar_scatter(points, (cameras.of(names[0]), cameras.of(names[1]))))
+    return RefinedPair(_joined(parts), epipolar_scatter(points, (cameras.of(names[0]), cameras.of(names[1]))))
 
 
 def _left_and_right(reference: Observations, refined: Refined, side: int) -> tuple[np.ndarray, np.ndarray]:

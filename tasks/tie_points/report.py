@@ -15,7 +15,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
-from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter
+from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatters
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
 _CELLS = 8
@@ -60,11 +60,11 @@ def finish(
     summaries: tuple[PairSummary, ...],
     observations: tuple[Observations, ...],
     refined: tuple[Refined, ...],
-    scatters: tuple[Scatter, ...],
+    scatters: tuple[Scatters, ...],
     weighting: Weighting,
 ) -> TiePointResults:
     """The tie points and the stage's report."""
-    measured = with_measured_floor(weighting, scatters)
+    measured = with_measured_floor(weighting, tuple(scatter for own in scatters for scatter in own.pairs))
     points, summary = assemble(observations, refined, measured)
     strength = measure(points, photos)
     report = StageReport(

@@ -4,13 +4,14 @@
                                                                                           |
     photo strips -------------------------------------> patches of observations <---------+
                                                            |
-                            tie points and report  <- refined pairs
+                            tie points and report  <- refined pairs of every photograph
 
 Only the feature jobs and the patch jobs read pixels, a part or a strip at a time; all other jobs work on points and patches. (With
 `search: correlation` the pairs read the searched level too.)
 """
 
 from collections.abc import Iterator
+from itertools import groupby
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -38,13 +39,13 @@ from orthomill.tasks.tie_points.match_records import (
     PairMatches,
     PairSummary,
     Refined,
-    Scatter,
+    Scatters,
     Values,
 )
 from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
 from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance
 from orthomill.tasks.tie_points.patches import Strip, strip_patches
-from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
+from orthomill.tasks.tie_points.refinement import PatchRules, Refinable, refine_pairs
 from orthomill.tasks.tie_points.report import finish
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting
 from orthomill.tasks.tie_points.tracks import build_tracks, count_matches, observation_key, track_scratch
@@ -73,9 +74,10 @@ def _pair_tables(left: str, right: str) -> tuple[Table[PairMatches], Table[PairS
     return Table(f"tie_points/matches/{name}.parquet", PairMatches), Table(f"tie_points/matches/{name}.json", PairSummary)
 
 
-def _refined_tables(left: str, right: str) -> tuple[Table[Refined], Table[Scatter]]:
-    name = f"tie_points/refined/{left}+{right}"
-    return Table(f"{name}.parquet", Refined), Table(f"{name}.json", Scatter)
+def _refined_tables(photo: str) -> tuple[Table[Refined], Table[Scatters]]:
+    """Of all pairs whose first photograph this is."""
+    name = f"tie_points/refined/{photo}"
+    return Table(f"{name}.parquet", Refined), Table(f"{name}.json", Scatters)
 
 
 class FeatureSearch(Settings):
@@ -167,7 +169,7 @@ class TiePointsStage(Stage):
         links = view.table(LINKS)
         for photo in photos.photos:
             yield from self._patch_jobs(photo, tile)
-        yield from (self._refinement_job(photos, pair, tile) for pair in links.pairs)
+        yield from self._refinement_jobs(photos, links, tile)
         yield self._last_job(photos, pairs, links)
 
     def _level(self, photo: Photo) -> int:
@@ -326,24 +328,35 @@ class TiePointsStage(Stage):
                 scratch=(2 * strip.half + 1) ** 2 * self.max_features + 3 * strip.window.height * strip.window.width,
             )
 
-    def _refinement_job(self, photos: Photos, pair: tuple[int, int], tile: int) -> Job:
-        left, right = (photos.photos[number] for number in pair)
-        sides = [tuple(_patches(photo.name, number) for number in range(len(self._strips(photo, tile)))) for photo in (left, right)]
-        rules = (self._rules(left, tile), self._rules(right, tile))
-        refined, scatter = _refined_tables(left.name, right.name)
+    def _refinement_jobs(self, photos: Photos, links: Links, tile: int) -> Iterator[Job]:
+        """One for each photograph that is the first of pairs."""
+        for left, pairs in groupby(links.pairs, key=lambda pair: pair[0]):
+            partners = tuple(self._refinable(photos, right, tile) for _, right in pairs)
+            yield self._refinement_job(self._refinable(photos, left, tile), partners)
+
+    def _refinable(self, photos: Photos, number: int, tile: int) -> Refinable:
+        photo = photos.photos[number]
+        return Refinable(number, photo.name, self._rules(photo, tile), len(self._strips(photo, tile)))
+
+    def _refinement_job(self, photo: Refinable, partners: tuple[Refinable, ...]) -> Job:
+        refined, scatters = _refined_tables(photo.name)
+        strips = [_patches(partner.name, number) for partner in partners for number in range(partner.strips)]
+        side = 2 * max(one.rules.half for one in (photo, *partners)) + 8
         return Job(
             stage=self.kind,
-            item=f"{left.name}+{right.name} refinement",
-            function=refine_pair,
+            item=f"{photo.name} refinement",
+            function=refine_pairs,
             reads={
-                "observations": (_observations(left.name), _observations(right.name)),
-                "left_patches": sides[0],
-                "right_patches": sides[1],
+                "own": _observations(photo.name),
+                "own_patches": tuple(_patches(photo.name, number) for number in range(photo.strips)),
+                "observations": Stream(tuple(_observations(partner.name) for partner in partners)),
+                "patches": Stream(tuple(strips)),
                 "cameras": CAMERAS,
             },
-            writes={"refined": refined, "scatter": scatter},
-            params={"photos": pair, "names": (left.name, right.name), "rules": rules},
-            scratch=60 * 1024 * (2 * rules[0].half + 8) ** 2,
+            writes={"refined": refined, "scatters": scatters},
+            params={"photo": photo, "partners": partners},
+            # A batch in mosaics, and the patches of two photographs: those that a pair shares, and all strips of a partner.
+            scratch=(60 * 1024 + 3 * self.max_features) * side**2,
         )
 
     def _last_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...], links: Links) -> Job:
@@ -359,8 +372,8 @@ class TiePointsStage(Stage):
                 "links": LINKS,
                 "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
                 "observations": tuple(_observations(name) for name in names),
-                "refined": tuple(_refined_tables(names[left], names[right])[0] for left, right in links.pairs),
-                "scatters": tuple(_refined_tables(names[left], names[right])[1] for left, right in links.pairs),
+                "refined": tuple(_refined_tables(names[left])[0] for left in links.first),
+                "scatters": tuple(_refined_tables(names[left])[1] for left in links.first),
             },
             writes={"tie_points": TIE_POINTS, "counts": TIE_POINT_COUNTS, "report": report_table(self.kind)},
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},

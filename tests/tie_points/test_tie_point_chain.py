@@ -1,5 +1,7 @@
 """From pixels to refined tie points over photographs whose every homologous point is known."""
 
+from itertools import chain
+
 import numpy as np
 import pytest
 from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_partner, views
@@ -12,7 +14,7 @@ from orthomill.tasks.tie_points.features import CELL, Detection, photo_features,
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, FeatureTables
 from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair
 from orthomill.tasks.tie_points.patches import Strip, strip_patches
-from orthomill.tasks.tie_points.refinement import PatchRules, refine_pair
+from orthomill.tasks.tie_points.refinement import PatchRules, Refinable, refine_pair, refine_pairs
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble
 from orthomill.tasks.tie_points.tracks import build_tracks, observation_key
 
@@ -59,11 +61,7 @@ def refined(photos, tracked):
 
 
 def refined_by(photos, tracked, rules):
-    observations = [tracked[observation_key(number)] for number in range(3)]
-    patches = []
-    for pixels, own in zip(photos, observations, strict=True):
-        strips = [Strip(0, SHAPE, row, min(128, SHAPE[0] - row), rules.half) for row in range(0, SHAPE[0], 128)]
-        patches.append(tuple(strip_patches(pixels[strip.window.slices], pixels[::2, ::2], own, strip) for strip in strips))
+    observations, patches = cut_by(photos, tracked, rules)
     results = [
         refine_pair(
             (observations[i], observations[j]), patches[i], patches[j], cameras(), (i, j), (NAMES[i], NAMES[j]), (rules, rules)
@@ -71,6 +69,28 @@ def refined_by(photos, tracked, rules):
         for i, j in tracked["links"].pairs
     ]
     return tuple(result.refined for result in results)
+
+
+def cut_by(photos, tracked, rules):
+    """Observations and strips of patches of every photograph."""
+    observations = [tracked[observation_key(number)] for number in range(3)]
+    patches = []
+    for pixels, own in zip(photos, observations, strict=True):
+        strips = [Strip(0, SHAPE, row, min(128, SHAPE[0] - row), rules.half) for row in range(0, SHAPE[0], 128)]
+        patches.append(tuple(strip_patches(pixels[strip.window.slices], pixels[::2, ::2], own, strip) for strip in strips))
+    return observations, patches
+
+
+def test_the_pairs_of_a_photograph_are_refined_as_each_of_them_alone(photos, tracked, refined):
+    observations, patches = cut_by(photos, tracked, RULES)
+    assert tracked["links"].pairs == ((0, 1), (0, 2), (1, 2)) and tracked["links"].first == (0, 1)
+    one, *partners = (Refinable(number, NAMES[number], RULES, len(patches[number])) for number in range(3))
+    streams = iter(observations[1:]), chain(*patches[1:])
+    together = refine_pairs(observations[0], patches[0], *streams, cameras(), one, tuple(partners))
+    for name in ("photo", "track", "col", "row", "sigma", "outcome"):
+        alone = np.concatenate([getattr(pair, name) for pair in refined[:2]])
+        assert np.array_equal(getattr(together.refined, name), alone, equal_nan=True)
+    assert len(together.scatters.pairs) == 2
 
 
 def points_in_relief(count: int) -> tuple[np.ndarray, np.ndarray]:

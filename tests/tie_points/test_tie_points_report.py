@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter
+from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter, Scatters
 from orthomill.tasks.tie_points.report import finish, measure
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting
 
@@ -52,7 +52,13 @@ def results(count: int = 100, failed: int = 0, unmatched="drop", scatters=SCATTE
     links = Links(pairs=((0, 1),), tracks=count, conflicts=3)
     weighting = Weighting(0.03, 0.7, unmatched)
     return finish(
-        photos(2), links, (summary("p0", "p1"),), tables, (refined(1, tracks, failed, spread),), tuple(scatters), weighting
+        photos(2),
+        links,
+        (summary("p0", "p1"),),
+        tables,
+        (refined(1, tracks, failed, spread),),
+        (Scatters(pairs=tuple(scatters)),),
+        weighting,
     )
 
 

@@ -86,7 +86,7 @@ def test_planning_pauses_at_counts_and_tracks_and_repeats_itself():
     assert [job.key for job in again[: len(second)]] == [job.key for job in second]
     assert [job.key for job in second[: len(first)]] == [job.key for job in first]
     assert first[-1].item == "counts" and second[-1].item == "tracks" and not of(second, "patches")
-    assert [job.item for job in of(again, "refinement")] == ["p0+p1 refinement"]
+    assert [job.item for job in of(again, "refinement")] == ["p0 refinement"]
     assert again[-1].item == "tie points"
 
 
@@ -140,7 +140,8 @@ def test_the_matching_of_the_refinement_is_that_of_the_setting():
     small, large = (LeastSquaresMatching(max_shift=shift, min_correlation=0.8) for shift in (1.0, 6.0))
     jobs = [whole(TiePointsStage(refinement=matching)) for matching in (small, large)]
     for matching, own in zip((small, large), jobs, strict=True):
-        assert {rule.matching for rule in of(own, "refinement")[0].params["rules"]} == {matching}
+        params = of(own, "refinement")[0].params
+        assert {one.rules.matching for one in (params["photo"], *params["partners"])} == {matching}
     halves = [of(own, "patches")[0].params["strip"].half for own in jobs]
     assert halves[1] == halves[0] + 5, "patches hold the window and its largest shift"
 
