@@ -23,6 +23,7 @@ _LINES = 256
 _AXES, _SAMPLED = 30, 2000
 # Largest error of a lower bound in float32: squares of descriptors are 2^18.
 _ROUNDING = 4.0
+_FEW = 64  # rows compared on the axes at a time: 2 MB
 _PAIRS = 2**15  # compared in full at a time: 16 MB each
 
 
@@ -89,9 +90,13 @@ def _others_near(points: np.ndarray, others: np.ndarray, own: np.ndarray, limit:
     least = ((near**2).sum(axis=1) - limit - _ROUNDING).astype(np.float32)
     none = np.empty(0, dtype=np.int64)
     rows, columns = [none], [none]
-    for start in range(0, len(points), _BLOCK):
-        part = slice(start, start + _BLOCK)
-        found = np.flatnonzero(left[part] @ right > least[part, None])
+    products, above = np.empty((_FEW, len(others)), np.float32), np.empty((_FEW, len(others)), bool)
+    for start in range(0, len(points), _FEW):
+        part = slice(start, min(start + _FEW, len(points)))
+        count = part.stop - start
+        np.matmul(left[part], right, out=products[:count])
+        np.greater(products[:count], least[part, None], out=above[:count])
+        found = np.flatnonzero(above[:count])
         rows.append(start + found // len(others))
         columns.append(found % len(others))
     row, column = np.concatenate(rows), np.concatenate(columns)

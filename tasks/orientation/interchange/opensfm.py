@@ -10,6 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_json
 
 from orthomill.schemas.camera import LENSES, Camera
 from orthomill.schemas.errors import WorkflowError
@@ -109,7 +110,8 @@ def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
     }
     place = {"reference_lla": asdict(reference)} if reference else {}
     cameras = {camera.name: _camera_values(camera) for camera in block.cameras.values()}
-    return json.dumps([{"cameras": cameras, "shots": shots, "points": points, **place}], indent=1)
+    # Half a million points: Python's own encoder takes ten times as long as soon as it indents.
+    return to_json([{"cameras": cameras, "shots": shots, "points": points, **place}], indent=1).decode()
 
 
 class _Unplaced:

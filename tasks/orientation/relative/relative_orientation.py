@@ -29,6 +29,8 @@ from orthomill.tasks.orientation.relative.relative_forms import (
 
 LIMIT = 3.29
 """Matches farther from their epipolar line, in standard errors, are rejected: 0.1 % of correct ones with normal errors."""
+_NEARLY = 1e-6
+"""rad: corrections below this move no epipolar line by more than a hundredth of a pixel, so the matches that agree are decided."""
 TELLING = 100
 """Matches, out of those that agree with an essential matrix, that decide which of its four orientations has them in front."""
 FLIP = np.diag([1.0, -1.0, -1.0])
@@ -102,7 +104,7 @@ def orient_robust(observations: np.ndarray, c_left: float, c_right: float, expec
     model, kept = _five_point_start(observations, c_left, c_right, 3.0 * expected, seed)
     # The set of kept matches usually repeats after three rounds; it may alternate by single matches, so rounds are limited.
     for _ in range(10):
-        solution = solve_mixed(model, observations[kept], limit=1e-10)
+        solution = solve_mixed(model, observations[kept], limit=_NEARLY)
         model = solution.model
         distance = epipolar_distance(model, observations)
         # Bounded on both sides: exact matches would leave a unit of zero and reject each other, and a set of wrong matches would
