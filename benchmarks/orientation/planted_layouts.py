@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
@@ -22,8 +23,6 @@ from orthomill.tasks.adjustment.model.interior import FreeInterior
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 LEAST_MATCHES = 15
-RECORD = RESULTS / "planted_layouts.csv"
-STATES = "Corners were measured at c290ff7, the other shapes at 10038a4: to be renewed together."
 CONSTANT, DETERMINED = 1.2, 0.01
 """The planted camera constant by the true one; standard error of a free camera constant, in units of it, up to which a block is
 expected to notice that."""
@@ -96,7 +95,7 @@ def page(rows: list[Case], seed: int) -> str:
         "# Layouts with planted blunders",
         "",
         f"`python -m benchmarks.orientation.planted_layouts` (make bench-layouts), {machine()}; seed {seed}, {done}, {count} "
-        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each. {STATES}",
+        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each.",
         "",
         f"Converged: **{_share(row.converged for row in rows)}** (all wanted). The planted blunder named: "
         f"**{_share(row.named for row in named)}** (95 % wanted). Nothing else named: **{_share(row.clean for row in rows)}** "
@@ -111,7 +110,7 @@ def page(rows: list[Case], seed: int) -> str:
         "| --- | --- | --- | --- | --- | --- | --- |",
         *(_row(layout, [row for row in rows if row.layout == layout]) for layout in dict.fromkeys(row.layout for row in rows)),
         "",
-        "Every case with something amiss (all cases: planted_layouts.csv):",
+        f"Every case with something amiss (all cases: {_record(seed).name}):",
         "",
         *(f"- {row.layout}; {row.kind}: {row.said}" for row in rows if row.said),
     ]
@@ -132,11 +131,16 @@ def _share(values) -> str:
     return f"{100 * np.mean(found):.1f} %"
 
 
-def rows_before() -> list[Case]:
+def _record(seed: int) -> Path:
+    """Where the cases are kept; a page beside it has the same name."""
+    return RESULTS / f"planted_layouts{f'_seed_{seed}' if seed else ''}.csv"
+
+
+def rows_before(seed: int) -> list[Case]:
     """The cases of the last run."""
-    if not RECORD.exists():
+    if not _record(seed).exists():
         return []
-    with RECORD.open() as file:
+    with _record(seed).open() as file:
         return [Case(*(_cell(field.type, row[field.name]) for field in fields(Case))) for row in csv.DictReader(file)]
 
 
@@ -144,9 +148,9 @@ def _cell(kind: object, text: str) -> object:
     return text == "True" if kind is bool else kind(text)
 
 
-def keep(rows: list[Case]) -> None:
+def keep(rows: list[Case], seed: int) -> None:
     """Writes every case to the record beside the page, in the order of the layouts."""
-    with RECORD.open("w", newline="") as file:
+    with _record(seed).open("w", newline="") as file:
         table = csv.DictWriter(file, [field.name for field in fields(Case)], lineterminator="\n")
         table.writeheader()
         table.writerows(asdict(row) for row in rows)
@@ -159,15 +163,15 @@ def main() -> None:
     shapes = [word for word in sys.argv[1:] if "=" not in word and word != "resume"]
     seed, resume = int(given.get("seed", 0)), "resume" in sys.argv
     names = [f"{shape}, {knowledge}" for shape, knowledge in photographed_layouts.LAYOUTS]
-    rows = rows_before() if resume or shapes else []
+    rows = rows_before(seed) if resume or shapes else []
     for (shape, knowledge), name in zip(photographed_layouts.LAYOUTS, names, strict=True):
         if (shapes and shape not in shapes) or (resume and any(row.layout == name for row in rows)):
             continue
         own = list(cases(shape, knowledge, seed))
         print(f"{name}: {'; '.join(f'{row.kind}: {row.said}' for row in own if row.said)}", flush=True)
         rows = sorted([row for row in rows if row.layout != name] + own, key=lambda row: names.index(row.layout))
-        keep(rows)
-        (RESULTS / "planted_layouts.md").write_text(page(rows, seed))
+        keep(rows, seed)
+        _record(seed).with_suffix(".md").write_text(page(rows, seed))
 
 
 if __name__ == "__main__":

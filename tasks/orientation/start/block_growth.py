@@ -4,6 +4,7 @@ Tolerances are wide while starting values are approximate, and a robust bundle a
 third. A block grows from the relative orientation of one pair, or from approximate exterior orientations of many photographs.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,6 +21,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, with_interior
 from orthomill.tasks.orientation.relative.relative_orientation import FLIP
+from orthomill.tasks.orientation.start.pair_joining import LEAST_AGREEING, base_lengths, by_pairs
 from orthomill.tasks.orientation.start.point_consensus import LEAST, PointRays, consensus
 
 cv2.setNumThreads(1)
@@ -191,9 +193,12 @@ class BlockGrowth:
 
     def _directions(self, index: np.ndarray) -> np.ndarray:
         """(m, 3) unit vectors of the rays at `index` in the system of the block."""
-        inward = np.column_stack([self.ideal[index], -np.ones(len(index))])
-        directions = np.einsum("ni,nij->nj", inward, self.state.rotation[self.rays.photo[index]])
+        directions = np.einsum("ni,nij->nj", self._inward(index), self.state.rotation[self.rays.photo[index]])
         return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+
+    def _inward(self, index: np.ndarray) -> np.ndarray:
+        """(m, 3) directions of the rays at `index` in their image systems."""
+        return np.column_stack([self.ideal[index], -np.ones(len(index))])
 
     def _intersect(self, index: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Points (n, 3) nearest to the rays at `index`, and (n,) bool: their rays intersect at LEAST_ANGLE or more; `own` (m,): the
@@ -235,6 +240,31 @@ class BlockGrowth:
         self.place(photo, pose[0], pose[1])
         self.good[index[self.misfit(index) > self.tolerance(index)]] = False
         return True
+
+    def join(self, photo: int) -> bool:
+        """Places a photograph by its relative orientation to a placed one, where enough of its known points agree with that."""
+        index = self.of_photo[photo]
+        index = index[self.known[self.rays.point[index]] & self.good[index]]
+        found = [(self._agreeing(photo, pose, index), pose) for pose in self._poses(photo, index)]
+        agree, pose = max(found, key=lambda one: one[0].sum(), default=(np.zeros(0, bool), None))
+        if pose is None or agree.sum() < max(LEAST_AGREEING, 0.5 * len(index)):
+            return False
+        self.place(photo, *pose)
+        self.good[index[~agree]] = False
+        return True
+
+    def _poses(self, photo: int, index: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Rotations and centres of a photograph by its pairs, with every length of the base that a known ray at `index` gives."""
+        names, points = self.material.names, self.state.point[self.rays.point[index]]
+        placed = {names[i]: (self.state.rotation[i], self.state.centre[i]) for i in np.flatnonzero(self.placed)}
+        for ahead in by_pairs(names[photo], placed, self.material.relative):
+            for length in base_lengths(ahead, points, self._inward(index) @ ahead.rotation):
+                yield ahead.rotation, ahead.origin + length * ahead.direction
+
+    def _agreeing(self, photo: int, pose: tuple[np.ndarray, np.ndarray], index: np.ndarray) -> np.ndarray:
+        """(m,) bool: rays at `index` that agree with a rotation and centre of their photograph."""
+        self.state.rotation[photo], self.state.centre[photo] = pose
+        return np.asarray(self.misfit(index) <= self.tolerance(index))
 
     def _refusal(self, index: np.ndarray, agreeing: np.ndarray | None, c: float) -> str | None:
         """Why a resection from the rays at `index` is not accepted, of which those numbered `agreeing` agree with it; None if it
@@ -360,10 +390,12 @@ def _resected(growth: BlockGrowth, seen: np.ndarray) -> tuple[int, np.ndarray] |
     """The photograph that was added, of those that wait, the first in the order of known points that it has `seen` (P,); and how
     many its own points gave to every photograph before. None where none can be added."""
     waiting = np.flatnonzero(~growth.placed & growth.free)
-    for photo in map(int, waiting[np.argsort(-seen[waiting], kind="stable")]):
-        before = growth.supported(growth.beside(photo))
-        if growth.resect(photo):
-            return photo, before
+    # A pair alone is used last: a resection from many points tests what it is made from.
+    for place in (growth.resect, growth.join):
+        for photo in map(int, waiting[np.argsort(-seen[waiting], kind="stable")]):
+            before = growth.supported(growth.beside(photo))
+            if place(photo):
+                return photo, before
     return None
 
 

@@ -212,7 +212,15 @@ def seen_by(scene: Scene, view: View) -> np.ndarray:
     away = view.centre - scene.points
     length = np.linalg.norm(away, axis=1)
     facing = (away * scene.normals).sum(axis=1) > FACING * length
-    return view.contains(view.project(scene.points), 5) & facing & (length < 3 * scene.distance)
+    inside = view.contains(view.project(scene.points), 5) & _in_field(view, scene.points)
+    return inside & facing & (length < 3 * scene.distance)
+
+
+def _in_field(view: View, points: np.ndarray) -> np.ndarray:
+    """(N,) bool: points within the angle of the frame's corners; beyond it the polynomial of the distortion folds back into the
+    frame, which a lens does not."""
+    sight = (points - view.centre) @ view.rotation.T
+    return np.asarray((sight[:, :2] ** 2).sum(axis=1) <= view.field * sight[:, 2] ** 2)
 
 
 def layout(shape: str, knowledge: str, seed: int = 0) -> SimulatedBlock:
