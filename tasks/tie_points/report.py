@@ -16,6 +16,7 @@ from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatters
+from orthomill.tasks.tie_points.repeated_photographs import repeated_photographs
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
 _CELLS = 8
@@ -256,14 +257,11 @@ def _doubts(photos: Photos, strength: Strength) -> Iterator[str]:
 
 
 def _other_warnings(photos: Photos, strength: Strength, summaries: tuple[PairSummary, ...]) -> Iterator[str]:
-    repeated = [pair for pair in summaries if pair.alike]
-    for pair in repeated:
-        yield (
-            f"{pair.left} and {pair.right} are the same picture, or two from one place: {pair.right} is left out, for it would "
-            "only repeat the measurements of the other. Remove one of them from the project."
-        )
+    repeated = _repeated(photos, summaries)
+    for stays, others in repeated.items():
+        yield _same_picture(stays, others)
     counted = list(zip(photos.names, strength.observations, strength.coverage, strict=True))
-    left_out = {pair.right for pair in repeated}
+    left_out = {name for others in repeated.values() for name in others}
     unconnected = [name for name, count, _ in counted if count == 0 and name not in left_out]
     if unconnected:
         they = "it" if len(unconnected) == 1 else "they"
@@ -277,6 +275,26 @@ def _other_warnings(photos: Photos, strength: Strength, summaries: tuple[PairSum
             f"Tie points cover less than a quarter of the frame of {some_of(uneven, most=10)}: nothing holds the rest of it. More "
             "overlap on its empty side would; water and leaves give none."
         )
+
+
+def _repeated(photos: Photos, summaries: tuple[PairSummary, ...]) -> dict[str, list[str]]:
+    """Names of photographs that stay -> those that repeat them."""
+    names = list(photos.names)
+    pairs = [(names.index(summary.left), names.index(summary.right)) for summary in summaries]
+    found = repeated_photographs(pairs, summaries, len(names))
+    return {names[stays]: [names[other] for other in others] for stays, others in found.items()}
+
+
+def _same_picture(stays: str, others: list[str]) -> str:
+    if len(others) == 1:
+        return (
+            f"{stays} and {others[0]} are the same picture, or two from one place: {others[0]} is left out, for it would only "
+            "repeat the measurements of the other. Remove one of them from the project."
+        )
+    return (
+        f"{stays} and {some_of(others, most=10)} are the same picture, or taken from one place: only {stays} takes part, for the "
+        "others would only repeat its measurements. Remove them from the project."
+    )
 
 
 def _divided(photos: Photos, strength: Strength) -> str:

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.tie_points.match_records import Features, Links, MatchCounts, Observations, PairMatches, PairSummary
+from orthomill.tasks.tie_points.repeated_photographs import repeated_photographs
 
 
 def observation_key(photo: int) -> str:
@@ -51,7 +52,7 @@ def build_tracks(
     features: one table per photograph; matches, summaries: one per pair of photograph numbers; sizes: (width, height) of the
     photographs. Raises GeometryError without usable matches.
     """
-    matches = _without_duplicates(matches, pairs, summaries)
+    matches = _without_repeated(matches, pairs, summaries, len(sizes))
     if not any(len(found) for found in matches):
         raise GeometryError(
             f"None of the {len(pairs)} pairs of the {len(sizes)} photographs shows common ground: too few points agree in any "
@@ -73,14 +74,14 @@ def build_tracks(
     return found
 
 
-def _without_duplicates(
-    matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...], summaries: tuple[PairSummary, ...]
+def _without_repeated(
+    matches: tuple[PairMatches, ...], pairs: tuple[tuple[int, int], ...], summaries: tuple[PairSummary, ...], photos: int
 ) -> tuple[PairMatches, ...]:
-    """The matches without those of photographs that repeat another one: of two photographs without parallax the second is left out,
-    for its measurements would repeat those of the first, errors included."""
-    repeated = {right for (_, right), summary in zip(pairs, summaries, strict=False) if summary.alike}
-    nothing = np.zeros(0, dtype=np.int64)
-    return tuple(found.take(nothing) if repeated & set(pair) else found for found, pair in zip(matches, pairs, strict=True))
+    """The matches without those of photographs that repeat another one: their measurements would repeat those of the other, errors
+    included."""
+    found = repeated_photographs(pairs[: len(summaries)], summaries, photos)
+    repeated, nothing = {photo for others in found.values() for photo in others}, np.zeros(0, dtype=np.int64)
+    return tuple(own.take(nothing) if repeated & set(pair) else own for own, pair in zip(matches, pairs, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

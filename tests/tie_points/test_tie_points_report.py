@@ -157,6 +157,14 @@ def test_an_unconnected_photograph_is_named_but_a_duplicate_is_reported_as_such(
     ]
 
 
+def test_photographs_from_one_place_are_told_in_one_sentence():
+    alike = tuple(summary(left, right, inliers=0, alike=True) for left, right in (("p1", "p2"), ("p1", "p3"), ("p2", "p3")))
+    warnings = report_of(block((0, 1, 60), count=4), (summary("p0", "p1"), *alike)).warnings
+    (said,) = [text for text in warnings if "same picture" in text]
+    assert said.startswith("p1 and p2, p3 are the same picture") and "only p1 takes part" in said
+    assert not any("shows common ground" in text for text in warnings)
+
+
 def test_pairs_are_listed_by_their_number_of_matches():
     pairs = (summary("p0", "p1", 40), summary("p1", "p2", 80), summary("p0", "p2", 0))
     report = report_of(block((0, 1, 60), (1, 2, 60), count=3), pairs)

@@ -21,6 +21,7 @@ from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.left_out import left_out_sentences
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
@@ -46,7 +47,7 @@ _WRONG_COORDINATE = "A wrong coordinate among few control points has the same ef
 
 def block_warnings(facts: Facts) -> Iterator[str]:
     """Whole sentences about what is poorly determined in the block, and what to do."""
-    yield from (u.reason for u in facts.block.unoriented)
+    yield from left_out_sentences(facts.block.unoriented)
     yield from finding_sentences(told_findings(facts.control, facts.precision))
     yield from (control_sentence(finding) for finding in facts.control.findings)
     yield from _control_warnings(facts)
@@ -59,7 +60,7 @@ def block_warnings(facts: Facts) -> Iterator[str]:
 
 def block_losses(facts: Facts) -> Iterator[str]:
     """Those of them that cost accuracy or ground, the dearest first."""
-    yield from (u.reason for u in facts.block.unoriented)
+    yield from left_out_sentences(facts.block.unoriented)
     yield from _overlap_warnings(facts)
     yield from finding_sentences([finding for finding in facts.precision.findings if isinstance(finding, COSTLY)])
     yield from _control_warnings(facts)

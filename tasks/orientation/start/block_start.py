@@ -207,7 +207,10 @@ def _reason(material: GrowthMaterial, growth: BlockGrowth, photo: int) -> str:
     """Why a photograph is in no group: by its tie points, its pairs, or its resection."""
     name = material.names[photo]
     if not (material.rays.photo == photo).any():
-        return f"{name} has no tie points: it overlaps no other photograph, has too little texture, or only repeats another one."
+        return (
+            f"{name} has no tie points: it overlaps no other photograph, has too little texture, or repeats another one, which the "
+            "report of the tie points then names."
+        )
     own = [pair for pair in material.relative if name in (pair.left, pair.right)]
     if not any(pair.oriented for pair in own):
         best = max(own, key=lambda pair: pair.matches, default=None)
