@@ -50,6 +50,8 @@ MOSTLY_CAMERA = 0.5
 """From this share of their variance on, correlated image errors are attributed to the camera, below it to single photographs."""
 HIDDEN = 2.0
 """Displacements so many times what the residuals show of them are told with that part."""
+IN_PIXELS = ("c", "x0", "y0")
+"""Parameters of a camera with the unit px; the others of this sentence are coordinates of a photograph."""
 KILOMETRE = 1000.0
 OPEN_DEG = np.degrees(1.0)
 """A tilt with a larger standard error is called undetermined: linearised angles mean nothing there."""
@@ -246,15 +248,22 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
     )
     # Residuals of a tenth of a pixel beside displacements of a whole one look like a mistake of the report.
     what = (
-        f"whole regions of a photograph are displaced by {finding.rms_px:.2f} px on average, {whose}"
+        f"whole regions of a photograph are displaced by {_digits(finding.rms_px)} px on average, {whose}"
         if finding.shown_px is None or finding.rms_px < HIDDEN * finding.shown_px
-        else f"residuals of whole regions of a photograph are alike by {finding.shown_px:.2f} px, {whose}, and are what is left of "
-        f"displacements by about {finding.rms_px:.2f} px, most of which the orientation and the camera can absorb"
+        else f"residuals of whole regions of a photograph are alike by {_digits(finding.shown_px)} px, {whose}, and are what is "
+        f"left of displacements by about {_digits(finding.rms_px)} px, most of which the orientation and the camera can absorb"
     )
+    unit = " px" if finding.parameter in IN_PIXELS else ""
     return (
         f"Correlated image errors: {what}. The standard errors include them: {finding.parameter} of {finding.owner} is known to "
-        f"{finding.sigma:.2g}, not to {finding.white_sigma:.2g}. Calibrate the camera, or turn some photographs by 90 degrees."
+        f"{_digits(finding.sigma)}{unit}, not to {_digits(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
+        "photographs by 90 degrees."
     )
+
+
+def _digits(value: float) -> str:
+    """Two digits, not 3e+02 for hundreds, nor 0.00 for thousandths."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 @finding_sentence.register

@@ -60,13 +60,13 @@ SPOKEN = [
     (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
-        ["0.71 px on average", "mostly alike", "c of cam is known to 6, not to 1.5"],
+        ["0.71 px on average", "mostly alike", "c of cam is known to 6 px, not to 1.5 px"],
     ),
     (
         f.ImageErrorsCorrelated(
             rms_px=0.79, shown_px=0.04, camera_share=0.8, parameter="y0", owner="cam", sigma=24.0, white_sigma=1.1
         ),
-        ["alike by 0.04 px, mostly alike in all", "displacements by about 0.79 px", "can absorb", "known to 24, not to 1.1"],
+        ["alike by 0.04 px, mostly alike in all", "displacements by about 0.79 px", "can absorb", "known to 24 px, not to 1.1 px"],
     ),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.2, parameter="Z", owner="a", sigma=6.0, white_sigma=1.5),
