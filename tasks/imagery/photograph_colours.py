@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.cubic_vectors import three_bands
 from orthomill.tasks.imagery.pyramid import level_shape
 
 
@@ -82,18 +83,12 @@ def inner_colours(flat, shape, origin, line, worth, colour):
         if left < 0 or top < 0 or left + 3 >= width or top + 3 >= height:
             missing += 1
             continue
-        wx, wy = _keys(np.float32(col - c)), _keys(np.float32(row - r))
-        start = np.uint64((top * width + left) * bands)
-        # Sums in local numbers: after a write to an array the compiler must read every pixel again, as they might overlap.
+        x, y, start = np.float32(col - c), np.float32(row - r), np.uint64((top * width + left) * bands)
         if bands == 3:
-            red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-            for k in range(4):
-                red += wy[k] * _row_of_four(flat, start, np.uint64(3), wx)
-                green += wy[k] * _row_of_four(flat, start + np.uint64(1), np.uint64(3), wx)
-                blue += wy[k] * _row_of_four(flat, start + np.uint64(2), np.uint64(3), wx)
-                start += step
-            colour[j, 0], colour[j, 1], colour[j, 2] = red, green, blue
+            colour[j, 0], colour[j, 1], colour[j, 2] = three_bands(flat, start, step, x, y)
         else:
+            wx, wy = _keys(x), _keys(y)
+            # Sums in local numbers: after a write to an array the compiler must read every pixel again, as they might overlap.
             for band in range(bands):
                 total, first = np.float32(0.0), start + np.uint64(band)
                 for k in range(4):

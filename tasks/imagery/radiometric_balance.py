@@ -109,9 +109,13 @@ def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.nd
         for band in range(out.shape[1]):
             out[:, band] = _along(out[:, band], photo.curves[band])
         return out.reshape(grey.shape)
-    terms = np.array([photo.gain, photo.offset, photo.v1, photo.v2], np.float32)
-    _correct(out, np.ascontiguousarray(r2, np.float32).ravel(), terms)
+    correct(out, np.ascontiguousarray(r2, np.float32).ravel(), correction_terms(photo))
     return out.reshape(grey.shape)
+
+
+def correction_terms(photo: PhotoRadiometry, scale: float = 1.0) -> np.ndarray:
+    """What `correct` needs, float32 (5, 3): gain, offset, v1, v2 by channel, and a factor on the result."""
+    return np.array([photo.gain, photo.offset, photo.v1, photo.v2, (scale,) * 3], np.float32)
 
 
 def _along(grey: np.ndarray, curve: GreyCurve) -> np.ndarray:
@@ -121,13 +125,21 @@ def _along(grey: np.ndarray, curve: GreyCurve) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy")
-def _correct(grey, r2, terms):
-    """Corrects grey (N, bands) in place; terms (4, 3): gain, offset, v1, v2 by channel."""
+def correct(grey, r2, terms):
+    """Corrects grey (N, bands) in place; terms: see `correction_terms`."""
+    if grey.shape[1] == 3:
+        _correct_bands(grey, r2, terms, 3)
+    else:
+        _correct_bands(grey, r2, terms, grey.shape[1])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _correct_bands(grey, r2, terms, bands):
     one = np.float32(1.0)
     for i in range(r2.size):
-        for band in range(grey.shape[1]):
+        for band in range(bands):
             falloff = one + r2[i] * (terms[2, band] + r2[i] * terms[3, band])
-            grey[i, band] = (grey[i, band] - terms[1, band]) / (terms[0, band] * falloff)
+            grey[i, band] = (grey[i, band] - terms[1, band]) / (terms[0, band] * falloff) * terms[4, band]
 
 
 def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:

@@ -8,8 +8,8 @@ import numpy as np
 from orthomill.schemas.job import Table
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, corrected
-from orthomill.tasks.texture.sampling import Ground, Sampled, sample_photo
+from orthomill.tasks.imagery.radiometric_balance import Radiometry, corrected, correction_terms
+from orthomill.tasks.texture.sampling import Ground, Sampled, sample_into, sample_photo
 
 RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
@@ -22,11 +22,21 @@ class BalancedPhotograph:
     part: PhotoPixelsAt
     balance: Radiometry
 
-    def on(self, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:
-        """Colours and worth on the ground, as from `sample_photo`; 0 to 255 is the range of the block."""
+    def on(self, ground: Ground, factor: np.ndarray, feather: float, bands: int) -> Sampled:
+        """Colours (`bands` of them) and worth on the ground, as from `sample_photo`; 0 to 255 is the range of the block."""
+        found = Sampled.nothing(ground.z.shape, bands)
+        self.fill(found, ground, factor, feather)
+        return found
+
+    def fill(self, found: Sampled, ground: Ground, factor: np.ndarray, feather: float) -> None:
+        """As `on`, into arrays of zeros."""
+        correction, scale = self.balance.of(self.view.name), 255.0 / self.balance.white
+        if found.colour.shape[2] == self.part.pixels.shape[2] and not correction.curves:
+            sample_into(found, self.view, self.part, ground, factor, feather, correction_terms(correction, scale))
+            return
         sampled = sample_photo(self.view, self.part, ground, factor, feather)
-        colour = corrected(sampled.colour, sampled.r2, self.balance.of(self.view.name)) * (255.0 / self.balance.white)
-        return Sampled(colour, sampled.worth, sampled.r2)
+        found.colour[:] = corrected(sampled.colour, sampled.r2, correction) * scale
+        found.worth[:], found.r2[:] = sampled.worth, sampled.r2
 
 
 def most_bands(photos: Sequence[BalancedPhotograph]) -> int:

@@ -26,7 +26,7 @@ from orthomill.tasks.texture.draping import HALO, drape, far_from_heights, heigh
 from orthomill.tasks.texture.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
 from orthomill.tasks.texture.edges.sharpened_ground import HALO as WALL_HALO
 from orthomill.tasks.texture.extent import TileExtent
-from orthomill.tasks.texture.sampling import Ground, ground_of, sample_photo, shown
+from orthomill.tasks.texture.sampling import Ground, Sampled, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
 from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces
@@ -241,13 +241,12 @@ def _strip(
     ground: Ground, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
 ) -> tuple[Blended, list[int]]:
     """The blended strip, and the pixels that each photo sees. Colours are in the block's radiometry."""
-    colours = np.zeros((len(photos), *ground.z.shape, most_bands(photos)), np.float32)
-    weights = np.zeros((len(photos), *ground.z.shape), np.float32)
+    shape = len(photos), *ground.z.shape
+    colours, weights = np.zeros((*shape, most_bands(photos)), np.float32), np.zeros(shape, np.float32)
     for i, photo in enumerate(photos):
         factor = scene.factors[i][top : top + len(ground.z)]
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
-        sampled = photo.on(ground, factor, _feather(photo.view, rules))
-        colours[i], weights[i] = sampled.colour, sampled.worth
+        photo.fill(Sampled(colours[i], weights[i], np.zeros(shape[1:], np.float32)), ground, factor, _feather(photo.view, rules))
     broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.breaks and photos else None
     return blend(colours, weights, rules.blend, broken), [int(np.count_nonzero(weight)) for weight in weights]
 
@@ -327,7 +326,7 @@ def texture_tile(
     """
     painted = painted_heights(heights, extent, rules, ground)
     around = [
-        BalancedPhotograph(view, PhotoPixelsAt(pixels, part.window, part.level), radiometry)
+        BalancedPhotograph(view, PhotoPixelsAt(np.ascontiguousarray(pixels), part.window, part.level), radiometry)
         for view, pixels, part in zip(_views(block, extent), photos, extent.photos, strict=True)
     ]
     numbers = _showing(painted, extent, around)

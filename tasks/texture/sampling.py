@@ -18,12 +18,14 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.distortion import distort_point
 from orthomill.tasks.geometry.view import FIELD_MARGIN, View, in_frame
 from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, PlaceLine, border_colours, inner_colours, part_pixels
+from orthomill.tasks.imagery.radiometric_balance import correct
 from orthomill.tasks.visibility.height_model import WALL
 
 STEEPEST = 3.0
 """Slopes are limited to this value, so that the ortho cell of a wall keeps some weight in every photo."""
 LEAST_FACING = 0.05
 """Least n . d as a share of the height difference: a visible cell keeps some weight even where its noisy normal faces away."""
+_RUN = 64  # pixels of a row that are placed, coloured and corrected while they are in the processor's nearest cache
 _LEAST_WORTH = 1e-12  # a visible pixel differs from an invisible one, even on the very border of the photo
 
 
@@ -75,17 +77,20 @@ class _Samples(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _place_row(n, cells, limits, i, line, worth, r2):
-    """Fills `line` for the pixels of row i: their places in the photograph; and worth, 0 outside of it, and r2 (cols)."""
+def _place_row(n, cells, limits, i, first, line, worth, r2):
+    """Fills `line` for the pixels of row i from column `first` on: their places in the photograph; and worth, 0 outside of it, and
+    r2 (cols)."""
     # No branch, and no call that is not inlined: the compiler then computes several pixels at a time.
     y = cells.north - (cells.first_row + i + 0.5) * cells.cell
-    z, slope_x, slope_y, factor = cells.z[i], cells.dx[i], cells.dy[i], cells.factor[i]
+    last = first + worth.size
+    z, slope_x, slope_y = cells.z[i, first:last], cells.dx[i, first:last], cells.dy[i, first:last]
+    factor = cells.factor[i, first:last]
     dy, dy2 = y - n.yc, (y - n.yc) ** 2
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     diagonal = 1.0 / (half_width**2 + half_height**2)
     scale, softness = n.c * n.c * cells.cell * cells.cell, 1.0 / max(limits.feather, 1e-300)
     for j in range(z.size):
-        x = cells.west + (cells.first_col + j + 0.5) * cells.cell
+        x = cells.west + (cells.first_col + first + j + 0.5) * cells.cell
         dx, dz = x - n.xc, z[j] - n.zc
         depth = -(n.r31 * dx + n.r32 * dy + n.r33 * dz)
         inverse = 1.0 / depth
@@ -107,18 +112,22 @@ def _place_row(n, cells, limits, i, line, worth, r2):
 
 
 @njit(cache=True)
-def _sample(part, n, cells, limits, out):
+def _sample(part, n, cells, limits, correction, out):
     # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
     rows, cols = cells.z.shape
-    line, flat = PlaceLine(np.empty(cols), np.empty(cols)), part.pixels.reshape(-1)
+    line, flat = PlaceLine(np.empty(_RUN), np.empty(_RUN)), part.pixels.reshape(-1)
     for i in range(rows):
-        # A photograph often shows a corner of the tile only.
-        if not cells.factor[i].any():
-            continue
-        worth, colour = out.worth[i], out.colour[i]
-        _place_row(n, cells, limits, i, line, worth, out.r2[i])
-        if inner_colours(flat, part.pixels.shape, part.origin, line, worth, colour):
-            border_colours(part.pixels, part.last, part.origin, line, worth, colour)
+        for first in range(0, cols, _RUN):
+            last = min(first + _RUN, cols)
+            # A photograph often shows a corner of the tile only, and of a strip with a wall a few pixels are asked for.
+            if not cells.factor[i, first:last].any():
+                continue
+            worth, r2, colour = out.worth[i, first:last], out.r2[i, first:last], out.colour[i, first:last]
+            _place_row(n, cells, limits, i, first, line, worth, r2)
+            if inner_colours(flat, part.pixels.shape, part.origin, line, worth, colour):
+                border_colours(part.pixels, part.last, part.origin, line, worth, colour)
+            if correction.size:
+                correct(colour, r2, correction)
 
 
 @dataclass(frozen=True)
@@ -133,6 +142,11 @@ class Sampled:
     colour: np.ndarray
     worth: np.ndarray
     r2: np.ndarray
+
+    @classmethod
+    def nothing(cls, shape: tuple[int, int], bands: int) -> "Sampled":
+        """Samples of a photograph that sees none of the pixels (rows, cols)."""
+        return cls(np.zeros((*shape, bands), np.float32), np.zeros(shape, np.float32), np.zeros(shape, np.float32))
 
 
 def _cells(ground: Ground, factor: np.ndarray) -> _Cells:
@@ -149,14 +163,20 @@ def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
 
 def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:
     """Colour and worth of every ground pixel whose `factor` (rows, cols) on the worth is not 0. `feather` is in full-size px."""
-    shape = ground.z.shape
-    colour = np.zeros((*shape, photo.pixels.shape[2]), np.float32)
-    worth, r2 = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    found = Sampled.nothing(ground.z.shape, photo.pixels.shape[2])
+    sample_into(found, view, photo, ground, factor, feather, np.zeros((0, 0), np.float32))
+    return found
+
+
+def sample_into(
+    found: Sampled, view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.ndarray, feather: float, correction: np.ndarray
+) -> None:
+    """As `sample_photo`, into arrays of zeros. Colours are corrected as by `radiometric_balance.correct`, if there are terms."""
     if photo.pixels.size:
         part = part_pixels(photo, (view.camera.height, view.camera.width))
         limits = _Limits(FIELD_MARGIN * view.field, float(feather))
-        _sample(part, view.numbers, _cells(ground, factor), limits, _Samples(colour, worth, r2))
-    return Sampled(colour, worth, r2)
+        out = _Samples(found.colour, found.worth, found.r2)
+        _sample(part, view.numbers, _cells(ground, factor), limits, correction, out)
 
 
 @njit(cache=True)

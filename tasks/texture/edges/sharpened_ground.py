@@ -9,6 +9,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
@@ -16,7 +17,7 @@ from orthomill.tasks.texture.edges.likeness import REACH as COLOUR_REACH
 from orthomill.tasks.texture.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
 from orthomill.tasks.texture.edges.wall_surfaces import REACH as HEIGHT_REACH
 from orthomill.tasks.texture.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
-from orthomill.tasks.texture.sampling import Ground, every
+from orthomill.tasks.texture.sampling import Ground, Sampled, every
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
 SUPPORT = 1
@@ -119,24 +120,41 @@ def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
         (upper, lower), shown = _both(grounds, chosen, photos)
         whole.score[rows], whole.alike[:, :, rows] = likeness(upper, lower, shown, examples, chosen, grounds[0].window, divisor)
         for guide, values in zip(guides, (upper, lower), strict=True):
-            guide[rows] = values.sum(axis=0) / np.maximum(shown.sum(axis=0), 1)[..., None]
+            _mean_shown(values, shown, guide[rows])
     return whole._replace(score=supported(whole.score, guides[0], guides[1], SUPPORT * divisor))
 
 
 def _both(
     grounds: list[Ground], chosen: np.ndarray, photos: list[BalancedPhotograph]
 ) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """Colours (photos, rows, cols, bands) at both heights, 0 where not shown, and shown (photos, rows, cols) bool."""
+    """Colours (photos, rows, cols, bands) at both heights, and where both are shown (photos, rows, cols) bool."""
     factor = chosen.astype(np.float32)
     shape = len(photos), *chosen.shape
-    colours = tuple(np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2))
+    upper, lower = (np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2))
     shown = np.zeros(shape, bool)
     for k, photo in enumerate(photos):
-        both = [photo.on(ground, factor, 0.0) for ground in grounds]
-        shown[k] = (both[0].worth > 0) & (both[1].worth > 0)
-        for values, sampled in zip(colours, both, strict=True):
-            values[k][shown[k]] = sampled.colour[shown[k]]
-    return (colours[0], colours[1]), shown
+        above, below = (np.zeros((2, *chosen.shape), np.float32) for _ in range(2))
+        photo.fill(Sampled(upper[k], *above), grounds[0], factor, 0.0)
+        photo.fill(Sampled(lower[k], *below), grounds[1], factor, 0.0)
+        shown[k] = (above[0] > 0) & (below[0] > 0)
+    return (upper, lower), shown
+
+
+@njit(cache=True)
+def _mean_shown(colours, shown, out):
+    """Fills `out` (rows, cols, bands), zeros, with the means of the colours (photos, rows, cols, bands) of photos that show the
+    pixel."""
+    photos, rows, cols, bands = colours.shape
+    for r in range(rows):
+        for c in range(cols):
+            count = 0
+            for p in range(photos):
+                if shown[p, r, c]:
+                    count += 1
+                    for band in range(bands):
+                        out[r, c, band] += colours[p, r, c, band]
+            for band in range(bands):
+                out[r, c, band] /= max(count, 1)
 
 
 def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int) -> Examples:
@@ -157,7 +175,7 @@ def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
     for photo in photos:
         # Ground that a roof hides would show the roof.
         seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
-        sampled = photo.on(ground, seen.astype(np.float32), 0.0)
+        sampled = photo.on(ground, seen.astype(np.float32), 0.0, total.shape[2])
         total += sampled.worth[..., None] * sampled.colour
         weights += sampled.worth
     known = weights > 0
