@@ -88,5 +88,8 @@ def _three_bands(typing_context: Any, flat: Any, first: Any, step: Any, x: Any, 
 
 
 three_bands: Any = intrinsic(_three_bands)
-"""(flat, first, step, x, y): the cubic means (3,) float32 of three bands, uint8, uint16 or float32, which are read from
-position `first` of the pixels `flat` and from three rows `step` behind each other; x, y float32: the place between the second and the third pixel."""
+"""(flat, first, step, x, y): the cubic means (3,) float32 of three bands, uint8, uint16 or float32.
+
+The pixels `flat` are read from position `first` on and in three rows `step` behind each other; x, y float32: the place between the
+second and the third pixel.
+"""
