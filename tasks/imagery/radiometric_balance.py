@@ -9,6 +9,7 @@ Source: the least-squares form of what Petsa et al. 2007 did by equating histogr
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -150,7 +151,7 @@ def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:
 
 @dataclass(frozen=True)
 class _Channel:
-    """Observations of one channel: photo, point and r2 of each grey value g (N,)."""
+    """Observations of one channel: photo, point and r2 of each grey value g (N,); rows of a point follow each other."""
 
     photo: np.ndarray
     point: np.ndarray
@@ -158,6 +159,26 @@ class _Channel:
     g: np.ndarray
     photos: int
     points: int
+
+    @cached_property
+    def first(self) -> np.ndarray:
+        """(points + 1,) the first row of every point, and the number of rows."""
+        return np.searchsorted(self.point, np.arange(self.points + 1))
+
+    @cached_property
+    def seen_together(self) -> np.ndarray:
+        """bool (photos, photos): both see a point."""
+        found = np.zeros((self.photos, self.photos), np.bool_)
+        _mark_pairs(self.first, self.photo, found)
+        return found
+
+
+@njit(cache=True)
+def _mark_pairs(first, photo, found):
+    for p in range(first.size - 1):
+        for k in range(first[p], first[p + 1]):
+            for m in range(first[p], first[p + 1]):
+                found[photo[k], photo[m]] = True
 
 
 def _prior(photos: int, vignetting: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -179,43 +200,59 @@ def _datum(photos: int) -> sparse.csr_matrix:
     return sparse.csr_matrix((np.ones(2 * photos), (rows, columns)), shape=(2, photos * TERMS))
 
 
-def _design(channel: _Channel, ground: np.ndarray) -> sparse.csr_matrix:
-    """Derivatives (N, 4 photos) of the grey values by the photos' parameters."""
-    G = ground[channel.point]
-    # The products gain v1 and gain v2 are the unknowns, in which the model is linear.
-    values = np.column_stack([G, channel.r2 * G, channel.r2**2 * G, np.ones(len(G))])
-    columns = channel.photo[:, None] * TERMS + np.arange(TERMS)
-    rows = np.repeat(np.arange(len(G)), TERMS)
-    return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(len(G), channel.photos * TERMS))
-
-
 class _Reduced(NamedTuple):
     """Normal equations after elimination of the ground: `normal` dx = `right`, then dG = (`ground_right` - `coupling` dx) /
-    `ground_normal`."""
+    `ground_normal`, where `coupling` (N, 4) has for each row its point's coupling with its photo."""
 
-    normal: sparse.csr_matrix
+    normal: sparse.bsr_matrix
     right: np.ndarray
-    coupling: sparse.csr_matrix
+    coupling: np.ndarray
     ground_normal: np.ndarray
     ground_right: np.ndarray
 
 
 def _reduced(channel: _Channel, ground: np.ndarray, x: np.ndarray) -> _Reduced:
     """The normal equations of one iteration, linearised at the ground brightness and the parameters `x` (4 photos,)."""
-    count = len(channel.g)
     a = x.reshape(-1, TERMS)[channel.photo]
     slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
     residual = channel.g - slope * ground[channel.point] - a[:, 3]
     sigma = max(_MAD_TO_SIGMA * float(np.median(np.abs(residual))), _LEAST_SIGMA)
     weight = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
-    J = _design(channel, ground)
-    B = sparse.csr_matrix((slope, (np.arange(count), channel.point)), shape=(count, channel.points))
-    WJ = sparse.diags_array(weight) @ J
-    # The ground's own block D is diagonal, for every sample has one brightness: its Schur complement costs a sparse product only.
-    C, D = (B.T @ WJ).tocsr(), np.bincount(channel.point, weight * slope**2, channel.points)
+    G = ground[channel.point]
+    # The products gain v1 and gain v2 are the unknowns, in which the model is linear.
+    design = np.column_stack([G, channel.r2 * G, channel.r2**2 * G, np.ones(len(G))])
+    coupling = (weight * slope)[:, None] * design
+    # The ground's own block is diagonal, for every sample has one brightness: it is eliminated point by point.
+    D = np.bincount(channel.point, weight * slope**2, channel.points)
     right_ground = np.bincount(channel.point, weight * slope * residual, channel.points)
-    normal = (J.T @ WJ) - C.T @ sparse.diags_array(1.0 / D) @ C
-    return _Reduced(normal, WJ.T @ residual - C.T @ (right_ground / D), C, D, right_ground)
+    right = (weight * residual)[:, None] * design - (right_ground / D)[channel.point, None] * coupling
+    rights = [np.bincount(channel.photo, right[:, term], channel.photos) for term in range(TERMS)]
+    rows, cols = np.nonzero(channel.seen_together)
+    place = np.zeros(channel.seen_together.shape, np.int64)
+    place[rows, cols] = np.arange(len(rows))
+    blocks = np.zeros((len(rows), TERMS, TERMS))
+    _add_blocks(channel.first, channel.photo, weight, design, coupling, 1.0 / D, place, blocks)
+    size = channel.photos * TERMS
+    pointers = np.searchsorted(rows, np.arange(channel.photos + 1))
+    normal = sparse.bsr_matrix((blocks, cols, pointers), shape=(size, size))
+    return _Reduced(normal, np.column_stack(rights).ravel(), coupling, D, right_ground)
+
+
+@njit(cache=True)
+def _add_blocks(first, photo, weight, design, coupling, shares, place, blocks):
+    """Adds the normal equations of all points, each without its brightness, to the blocks of the pairs of photos; place (photos,
+    photos): number of their block."""
+    for p in range(first.size - 1):
+        for k in range(first[p], first[p + 1]):
+            own = blocks[place[photo[k], photo[k]]]
+            for i in range(TERMS):
+                for j in range(TERMS):
+                    own[i, j] += weight[k] * design[k, i] * design[k, j]
+            for m in range(first[p], first[p + 1]):
+                block = blocks[place[photo[k], photo[m]]]
+                for i in range(TERMS):
+                    for j in range(TERMS):
+                        block[i, j] -= coupling[k, i] * coupling[m, j] * shares[p]
 
 
 def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
@@ -232,7 +269,8 @@ def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
         right = right + hard * (datum.T @ (datum @ (expected - x)))
         dx = spsolve(sparse.csc_matrix(normal), right)
         x += dx
-        ground += (found.ground_right - found.coupling @ dx) / found.ground_normal
+        moved = (found.coupling * dx.reshape(-1, TERMS)[channel.photo]).sum(axis=1)
+        ground += (found.ground_right - np.bincount(channel.point, moved, channel.points)) / found.ground_normal
         if np.abs(dx).max() < _CONVERGED:
             break
     return x.reshape(-1, TERMS)
@@ -291,6 +329,7 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
     samples = usable_samples(samples, 0.0, white)
     if not len(samples):
         return Radiometry(photos=tuple(PhotoRadiometry(photo=name) for name in names), white=white)
+    samples = samples.take(np.argsort(samples.point, kind="stable"))
     # Solved in grey levels of 8 bits, in which the prior and the thresholds are stated; offsets are scaled back.
     unit = white / 255.0
     point, points = _grouped(samples.point)
