@@ -217,13 +217,23 @@ def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndar
 
 def _factor(sight: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
     """Weight factors (rows, cols) of a photo from codes of PlaceSight, reduced next to occlusions."""
-    worth = _WORTH[sight]
     if rules.widening_margin + rules.widening_ramp <= 0:
-        return worth
+        return np.asarray(_WORTH[sight])
     # A hole without height is no occlusion: its rim is as well visible as any other ground.
     occluded = (sight == PlaceSight.HIDDEN) | (sight == PlaceSight.BEHIND_ESTIMATE)
     widened = widening_factor(occluded, rules.widening_margin * divisor, rules.widening_ramp * divisor)
-    return np.where(sight >= PlaceSight.AT_BREAK, np.maximum(widened, np.float32(RESERVED_WORTH)), worth)
+    _weigh(sight, _WORTH, widened)
+    return widened
+
+
+@njit(cache=True)
+def _weigh(sight, worth, factor):
+    """Turns factors (rows, cols) that fall towards occlusions into those of what is seen; of the rest the worth of its code."""
+    least = np.float32(RESERVED_WORTH)
+    for i in range(sight.shape[0]):
+        for j in range(sight.shape[1]):
+            code = sight[i, j]
+            factor[i, j] = max(factor[i, j], least) if code >= PlaceSight.AT_BREAK else worth[code]
 
 
 def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -> np.ndarray:

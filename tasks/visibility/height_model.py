@@ -252,6 +252,36 @@ def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance:
     return out
 
 
+@njit(cache=True)
+def _by_distance(hidden, table, out):
+    """Sets `out` to what `table` has for the squared distance (px^2) from the nearest hidden pixel; its last value serves for all
+    farther ones."""
+    rows, cols = hidden.shape
+    far = np.int32(table.size - 1)
+    reach = int(np.sqrt(far))
+    # First along the rows, then the least sum of squares over the rows around: exact, and in time with the narrow width only.
+    aside = np.empty((rows, cols), np.int32)
+    for r in range(rows):
+        near = reach + 1
+        for c in range(cols):
+            near = 0 if hidden[r, c] else near + 1
+            aside[r, c] = min(near, reach + 1)
+        near = reach + 1
+        for c in range(cols - 1, -1, -1):
+            near = 0 if hidden[r, c] else near + 1
+            least = min(aside[r, c], near)
+            aside[r, c] = least * least
+    nearest = np.empty(cols, np.int32)
+    for r in range(rows):
+        nearest[:] = far
+        for other in range(max(r - reach, 0), min(r + reach + 1, rows)):
+            square = np.int32((other - r) ** 2)
+            for c in range(cols):
+                nearest[c] = min(nearest[c], aside[other, c] + square)
+        for c in range(cols):
+            out[r, c] = table[nearest[c]]
+
+
 def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarray:
     """float32 weight factor (rows, cols) that falls towards hidden pixels.
 
@@ -261,7 +291,8 @@ def widening_factor(hidden: np.ndarray, margin: float, ramp: float) -> np.ndarra
     square = np.ones((2, 2), np.uint8)
     # An even window has no middle: opposite anchors keep the opened area where it was.
     opened = cv2.dilate(cv2.erode(hidden.astype(np.uint8), square, anchor=(0, 0)), square, anchor=(1, 1))
-    if not opened.any():
-        return np.ones(hidden.shape, np.float32)
-    distance = cv2.distanceTransform(1 - opened, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0).astype(np.float32)
+    out = np.ones(hidden.shape, np.float32)
+    if opened.any():
+        distance = np.sqrt(np.arange((int(np.ceil(margin + ramp)) + 1) ** 2 + 1, dtype=np.float32))
+        _by_distance(opened, np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0).astype(np.float32), out)
+    return out

@@ -12,12 +12,27 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from numba import njit
 
 from orthomill.tasks.geometry.view import View, in_frame
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 from orthomill.tasks.visibility.sight import PlaceSight
 
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
+
+
+@njit(cache=True)
+def _fill_codes(known, inside, free, passing, out):
+    """Codes of places (rows, cols) without regard to breaks; all bool: with a height, in the frame, free, and free but for
+    estimates."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            if not inside[i, j]:
+                out[i, j] = PlaceSight.OUTSIDE if known[i, j] else PlaceSight.NOWHERE
+            elif free[i, j]:
+                out[i, j] = PlaceSight.SEEN
+            else:
+                out[i, j] = PlaceSight.BEHIND_ESTIMATE if passing[i, j] else PlaceSight.HIDDEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +53,13 @@ class HeightPlaces:
     def sights(self, view: View) -> np.ndarray:
         """uint8 (R, C) codes of PlaceSight."""
         inside, z = self._framed(view), self.targets.z
-        known = np.isfinite(z)
         shown = replace(self.targets, z=np.where(inside, z, np.float32(np.nan)))
         free = visible_targets(self.surface, view, shown, self.tolerance) > 0
         # Only what something hides is asked again: a few per cent of the ground.
         behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z))
-        passing = (visible_targets(self.measured, view, behind, self.tolerance) > 0) | (self.guessed & np.isfinite(behind.z))
-        out = np.where(known, np.uint8(PlaceSight.OUTSIDE), np.uint8(PlaceSight.NOWHERE))
-        out[inside] = PlaceSight.HIDDEN
-        out[passing] = PlaceSight.BEHIND_ESTIMATE
-        out[free] = PlaceSight.SEEN
+        passing = visible_targets(self.measured, view, behind, self.tolerance) > 0
+        out = np.empty(z.shape, np.uint8)
+        _fill_codes(np.isfinite(z), inside, free, passing | self.guessed, out)
         hidden = (out == PlaceSight.HIDDEN) | (out == PlaceSight.BEHIND_ESTIMATE)
         if hidden.any():
             out[free & (cv2.dilate(hidden.astype(np.uint8), _NEIGHBOURS) > 0)] = PlaceSight.AT_BREAK

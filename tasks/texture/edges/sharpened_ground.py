@@ -96,14 +96,18 @@ def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos:
 def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Window, grid: MapGrid, divisor: int) -> _Walls:
     """The pixels `wide` from the surfaces and heights at the cells `near`."""
     part = wide.within(near.scaled(divisor)).slices
-    to_pixels = np.ones((divisor, divisor), np.uint8)
     above, below = surfaces.upper[..., 0], surfaces.lower[..., 0]
     side = np.where(np.abs(heights - above) < np.abs(heights - below), Side.UPPER, Side.LOWER)
     side = np.where(np.isfinite(above) & np.isfinite(heights), side, Side.NEITHER).astype(np.uint8)
-    side, smooth, doubtful = (np.kron(cells, to_pixels)[part] for cells in (side, surfaces.smooth, surfaces.doubtful))
-    examples = (smooth > 0) & (side != Side.NEITHER)
+    side, smooth, doubtful = (_repeated(cells, divisor)[part] for cells in (side, surfaces.smooth, surfaces.doubtful))
+    examples = smooth & (side != Side.NEITHER)
     upper, lower = (np.ascontiguousarray(at_pixels(planes, divisor)[part]) for planes in (surfaces.upper, surfaces.lower))
-    return _Walls(grid, wide, upper, lower, side, examples, doubtful > 0)
+    return _Walls(grid, wide, upper, lower, side, examples, doubtful)
+
+
+def _repeated(cells: np.ndarray, divisor: int) -> np.ndarray:
+    """Values of cells (rows, cols) at the pixels into which they are divided."""
+    return np.repeat(np.repeat(cells, divisor, 1), divisor, 0)
 
 
 def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotograph], divisor: int) -> Likeness:
