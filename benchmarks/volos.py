@@ -126,6 +126,21 @@ def _honesty(head: str, figures: Figures) -> str:
     return "; ".join(" / ".join(_percent(figures.get(f"{head}{name}", {}).get("value")) for name in names) for names in parts)
 
 
+def crown_rows(runs: dict[str, Figures]) -> Iterator[str]:
+    """What the heights on trees are, by code, a column per run."""
+    yield "| code | " + " | ".join(runs) + " |"
+    yield "| --- " * (len(runs) + 1) + "|"
+    for code in ("measured", *CODES):
+        head = f"evaluation.dsm_{code}_tree_"
+        if any(f"{head}at_crown" in figures for figures in runs.values()):
+            yield f"| {code.replace('_', ' ')} | " + " | ".join(_crowns(head, figures) for figures in runs.values()) + " |"
+
+
+def _crowns(head: str, figures: Figures) -> str:
+    parts = ("at_crown", "at_ground", "at_neither"), ("nearer_within_2", "nearer_beyond_4")
+    return "; ".join(" / ".join(_percent(figures.get(f"{head}{name}", {}).get("value")) for name in names) for names in parts)
+
+
 def _percent(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
@@ -151,7 +166,12 @@ def page(runs: dict[str, Figures], about_runs: list[str]) -> str:
         "the same of those among neighbours, without the datum's error. All in %."
     )
     lines = ["# volos against its truth", "", f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.", ""]
-    lines += [*about_runs, *goal_rows(runs), "", note, "", *honesty_rows(runs)]
+    crowns = (
+        "Heights on trees, through whose gaps photographs truly see the ground: at the crown / at the ground below / at neither "
+        "(1 m); within 2 / beyond 4 of their standard errors among neighbours from the nearer of the two. All in %. Every other "
+        "figure compares with the crown alone."
+    )
+    lines += [*about_runs, *goal_rows(runs), "", note, "", *honesty_rows(runs), "", crowns, "", *crown_rows(runs)]
     return "\n".join(lines) + "\n"
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from orthomill.schemas.stage_report import Figure, Grid
 from orthomill.tasks.evaluation.accuracy import SIGMAS
 from orthomill.tasks.evaluation.report_section import ReportSection
-from orthomill.tasks.evaluation.tile_sums import CheckSummary, CodeMeasures, EdgeShares, HeightsSummary, rounded
+from orthomill.tasks.evaluation.tile_sums import CheckSummary, CodeMeasures, CrownShares, EdgeShares, HeightsSummary, rounded
 
 _PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water", "vehicle", "wire")
 """groups of classes that are told apart by code; finer ones have too few cells of the rare codes"""
@@ -31,6 +31,16 @@ _MEASURES = (
     ("beyond_4_relative_sigma", "%", "beyond 4 of their standard errors among neighbours, without the datum's error", "> 4 r"),
 )
 """name, unit, meaning, and head of its column"""
+
+
+_CROWN_MEASURES = (
+    ("at_crown", "within 1 m of the crown", "crown %"),
+    ("at_ground", "within 1 m of the ground below the crown, seen through it", "ground below %"),
+    ("at_neither", "at neither of the two", "neither %"),
+    ("nearer_within_2", "within 2 of their standard errors among neighbours of crown or ground, whichever is nearer", "< 2 r"),
+    ("nearer_beyond_4", "beyond 4 of their standard errors among neighbours of both crown and ground", "> 4 r"),
+)
+"""name, meaning, and head of its column"""
 
 
 def _values(row: CodeMeasures) -> dict[str, float | None]:
@@ -66,6 +76,15 @@ def code_figures(prefix: str, summary: HeightsSummary, full: bool) -> Iterator[F
     for edge in summary.edges:
         if edge.code in _TOGETHER:
             yield from _edge_figures(prefix, edge)
+    for crowns in summary.crowns:
+        if full and crowns.code != "all_codes":
+            yield from _crown_figures(prefix, crowns)
+
+
+def _crown_figures(prefix: str, crowns: CrownShares) -> Iterator[Figure]:
+    for name, words, _ in _CROWN_MEASURES:
+        sentence = f"{_capital(crowns.words)}, trees: {words}."
+        yield Figure(name=f"{prefix}_{crowns.code}_tree_{name}", value=crowns.numbers[name], unit="%", sentence=sentence)
 
 
 def _capital(words: str) -> str:
@@ -82,7 +101,7 @@ def _edge_figures(prefix: str, edge: EdgeShares) -> Iterator[Figure]:
 
 
 def code_grids(title: str, summary: HeightsSummary) -> tuple[Grid, ...]:
-    """Tables of the heights by code and class, and of the edges of roofs; none where nothing has a height."""
+    """Tables of the heights by code and class, of the edges of roofs and of trees; none where nothing has a height."""
     rows = [row for row in summary.codes if row.place in _PLACES]
     if not rows:
         return ()
@@ -99,7 +118,14 @@ def code_grids(title: str, summary: HeightsSummary) -> tuple[Grid, ...]:
         rows=tuple((edge.words, edge.grown, edge.lost) for edge in summary.edges),
         note="Ground within 3 cells of a roof and the outermost cells of roofs, where the roof stands two cells or more higher.",
     )
-    return (codes, edges) if summary.edges else (codes,)
+    crowns = Grid(
+        title=f"{title}: trees, through which the ground is seen",
+        columns=("heights", *(head for *_, head in _CROWN_MEASURES)),
+        rows=tuple((row.words, *(row.numbers[name] for name, *_ in _CROWN_MEASURES)) for row in summary.crowns),
+        note="Cells visible in two photographs or more. All other figures compare with the crown alone. r: the standard error "
+        "among neighbours, from the nearer one of the two surfaces.",
+    )
+    return (codes, *([edges] if summary.edges else []), *([crowns] if summary.crowns else []))
 
 
 def check_section(summary: CheckSummary) -> ReportSection:

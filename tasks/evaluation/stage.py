@@ -26,6 +26,7 @@ from orthomill.schemas.surface import (
     SURFACE,
 )
 from orthomill.schemas.truth import (
+    TRUTH_BELOW,
     TRUTH_BLOCK,
     TRUTH_BUILDING,
     TRUTH_GRID,
@@ -42,6 +43,7 @@ from orthomill.tasks.evaluation.grids import Placement, grid_of, placement, read
 from orthomill.tasks.evaluation.heights_section import DH
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, GreySums, OrthoCounts, Shifts, fit_grey
 from orthomill.tasks.evaluation.orthoimage_section import ORTHO_DIFFERENCE
+from orthomill.tasks.evaluation.porous_crowns import CrownCounts
 from orthomill.tasks.evaluation.report import EvaluationFacts, evaluation_report
 from orthomill.tasks.evaluation.tile_sums import (
     CheckSummary,
@@ -185,6 +187,7 @@ class EvaluationStage(Stage):
             "histograms": tuple(r["histogram"] for r in results),
             "buildings": tuple(r["buildings"] for r in results),
             "edges": tuple(r["edges"] for r in results),
+            "crowns": tuple(r["crowns"] for r in results),
             "block": BLOCK,
             **pairs,
         }
@@ -241,7 +244,8 @@ def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[s
         return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
     # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
-    reads |= _truth(place, surface=TRUTH_SURFACE, material=TRUTH_MATERIAL, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
+    reads |= _truth(place, surface=TRUTH_SURFACE, below=TRUTH_BELOW, material=TRUTH_MATERIAL)
+    reads |= _truth(place, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
     reads |= {"relative": Raster(RELATIVE_PRECISION, t.window), "block": BLOCK, "true_block": TRUTH_BLOCK}
     params, scratch = {"place": place, "core": t.window}, _scratch(place, 120)
     return Job("evaluation", item, heights_against_truth, reads, writes, params, t.row, t.col, scratch)
@@ -275,7 +279,13 @@ def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> J
 
 def _height_results(item: str, t: Tile) -> dict[str, Table]:
     """The tables of a tile of heights."""
-    types = {"sums": HeightSums, "histogram": HeightHistogram, "buildings": HeightHistogram, "edges": EdgeCounts}
+    types = {
+        "sums": HeightSums,
+        "histogram": HeightHistogram,
+        "buildings": HeightHistogram,
+        "edges": EdgeCounts,
+        "crowns": CrownCounts,
+    }
     return {key: Table(f"evaluation/{item}/{key}-{t.row}-{t.col}.parquet", type_) for key, type_ in types.items()}
 
 

@@ -30,6 +30,7 @@ from orthomill.tasks.evaluation.orientation_accuracy import (
     photo_differences,
 )
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts, Shifts, merged_counts
+from orthomill.tasks.evaluation.porous_crowns import CrownCounts, crown_shares
 from orthomill.tasks.geometry.view import block_view
 
 LEAST_ROOF = 9
@@ -71,12 +72,22 @@ class EdgeShares(_Summary):
     lost: float | None
 
 
+class CrownShares(_Summary):
+    """Trees of one group of codes: % of their heights at the crown, at the ground below it, at neither, and % within 2 and beyond 4
+    of their standard errors from the nearer one."""
+
+    code: str
+    words: str
+    numbers: dict[str, float | None]
+
+
 class HeightsSummary(_Summary):
     """The height differences of the whole surface model."""
 
     groups: tuple[GroupMeasures, ...]
     codes: tuple[CodeMeasures, ...] = ()
     edges: tuple[EdgeShares, ...] = ()
+    crowns: tuple[CrownShares, ...] = ()
     expected_sigma: float | None
     cell: float
     buildings: tuple[tuple[int, int, float], ...] = ()
@@ -213,6 +224,14 @@ def _edges(edges: tuple[EdgeCounts, ...]) -> Iterator[EdgeShares]:
             yield EdgeShares(code=code, words=words, grown=grown, lost=lost)
 
 
+def _crowns(crowns: tuple[CrownCounts, ...]) -> Iterator[CrownShares]:
+    """The heights on trees by group of codes; groups that have none are left out."""
+    for code, words, codes in CODE_GROUPS:
+        numbers = {name: rounded(share, 2) for name, share in crown_shares(crowns, codes).items()}
+        if numbers["at_crown"] is not None:
+            yield CrownShares(code=code, words=words, numbers=numbers)
+
+
 def _chart(histograms: tuple[HeightHistogram, ...], cell: float) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
     """Shares of measured cells in bins of a twentieth of a cell over +-3 cells, for the groups that occur."""
     # a curve of 121 points: the bins themselves are too fine to be drawn
@@ -233,6 +252,7 @@ def summarise_heights(
     histograms: tuple[HeightHistogram, ...],
     buildings: tuple[HeightHistogram, ...],
     edges: tuple[EdgeCounts, ...],
+    crowns: tuple[CrownCounts, ...],
     block: Block,
     cell: float,
     parallax_sigma: float,
@@ -247,6 +267,7 @@ def summarise_heights(
         groups=tuple(_groups(tiles)),
         codes=tuple(_codes(tiles)),
         edges=tuple(_edges(edges)),
+        crowns=tuple(_crowns(crowns)),
         expected_sigma=rounded(sigma),
         cell=cell,
         chart_x=x,

@@ -31,6 +31,7 @@ from orthomill.tasks.evaluation.orthoimage_accuracy import (
     shifts,
     with_datum,
 )
+from orthomill.tasks.evaluation.porous_crowns import CrownCells, CrownCounts, crown_counts, no_crowns
 
 DATUM_NODES = 32
 """cells between the nodes at which the error of the datum is computed"""
@@ -40,13 +41,14 @@ UNKNOWN_COUNT = 255
 
 class HeightComparison(NamedTuple):
     """A tile of heights: dh (rows, cols) float32 m, surface model minus reference; sums and histogram by stratum; histogram by
-    building of its measured roof interior; heights at the edges of roofs."""
+    building of its measured roof interior; heights at the edges of roofs, and in crowns."""
 
     dh: np.ndarray
     sums: HeightSums
     histogram: HeightHistogram
     buildings: HeightHistogram
     edges: EdgeCounts
+    crowns: CrownCounts
 
 
 class OrthoComparison(NamedTuple):
@@ -70,15 +72,23 @@ def _photo_count(visibility: np.ndarray, place: Placement) -> np.ndarray:
     return codes_on(bits, place, UNKNOWN_COUNT)
 
 
-def _judge(dh: np.ndarray, cells: JudgedCells, building: np.ndarray, edges: EdgeCounts, cell: float) -> HeightComparison:
-    """The comparison from arrays (rows, cols), the flat judged cells and the counts at edges. `building`: 0 is not judged."""
+class _ObjectCounts(NamedTuple):
+    """Counts at objects of the scene."""
+
+    edges: EdgeCounts
+    crowns: CrownCounts
+
+
+def _judge(dh: np.ndarray, cells: JudgedCells, building: np.ndarray, objects: _ObjectCounts, cell: float) -> HeightComparison:
+    """The comparison from arrays (rows, cols), the flat judged cells and the counts at objects. `building`: 0 is not judged."""
     filled, in_building = np.isfinite(cells.dh), np.isfinite(dh) & (building > 0)
     return HeightComparison(
         dh=dh.astype(np.float32),
         sums=height_sums(cells, cell),
         histogram=histogram(cells.dh[filled], cells.stratum[filled], cell),
         buildings=histogram(dh[in_building], building[in_building], cell),
-        edges=edges,
+        edges=objects.edges,
+        crowns=objects.crowns,
     )
 
 
@@ -88,6 +98,7 @@ def heights_against_truth(
     relative: np.ndarray,
     provenance: np.ndarray,
     surface: np.ndarray,
+    below: np.ndarray,
     material: np.ndarray,
     building: np.ndarray,
     visibility: np.ndarray,
@@ -114,7 +125,12 @@ def heights_against_truth(
     dh = height - true
     datum = _datum_on(place.grid, core, block, true_block)
     cells = JudgedCells(strata(classes, provenance, twice)[known], dh[known], precision[known], relative[known], datum[known])
-    return _judge(dh, cells, numbers, edges, place.grid.cell)
+    trees = known & twice & (classes == PlaceClass.TREE)
+    # Where the error of the datum is not known it is no reason to count nothing: it is centimetres, and surfaces are metres apart.
+    own = height - np.nan_to_num(datum)
+    rated = np.where(np.isfinite(datum), relative, np.nan)
+    crowns = crown_counts(CrownCells(*(a[trees] for a in (provenance, own - true, own - heights_on(below, place)[inner], rated))))
+    return _judge(dh, cells, numbers, _ObjectCounts(edges, crowns), place.grid.cell)
 
 
 def _datum_on(grid: MapGrid, core: Window, block: Block, truth: Block) -> np.ndarray:
@@ -145,7 +161,7 @@ def heights_against_file(
     # and the datum of a file is its own, so the precision among neighbours cannot be judged
     unknown = np.full(int(known.sum()), np.nan)
     cells = JudgedCells(stratum[known], dh[known], precision[known], unknown, unknown)
-    return _judge(dh, cells, np.zeros(dh.shape, np.int64), no_edges(), cell)
+    return _judge(dh, cells, np.zeros(dh.shape, np.int64), _ObjectCounts(no_edges(), no_crowns()), cell)
 
 
 def check_against_truth(code: np.ndarray, material: np.ndarray, place: Placement, core: Window) -> CheckCounts:

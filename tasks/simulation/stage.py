@@ -14,6 +14,7 @@ from orthomill.schemas.truth import (
     CONTROL_TABLE,
     MEASUREMENTS_TABLE,
     POSITIONS_TABLE,
+    TRUTH_BELOW,
     TRUTH_BLOCK,
     TRUTH_BUILDING,
     TRUTH_GRID,
@@ -48,6 +49,8 @@ from orthomill.tasks.simulation.surveying import SurveySettings, lattice, search
 _PLACE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH_VISIBILITY}
 _SURVEY: dict[str, Table] = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
+"""what photographs are rendered from"""
+_PAINTED = {**_SCENE, "below": TRUTH_BELOW}
 
 
 OF_THE_FLIGHT = (
@@ -166,7 +169,7 @@ class SimulationStage(Stage):
         grid = site.grid
         yield from _truth_rasters(grid, crs, tile)
         for t in tiles_of(grid.shape, tile):
-            writes: dict[str, Raster | Table] = {key: Raster(name, t.window) for key, name in _SCENE.items()}
+            writes: dict[str, Raster | Table] = {key: Raster(name, t.window) for key, name in _PAINTED.items()}
             yield Job(
                 "simulation",
                 "scene",
@@ -276,6 +279,7 @@ class SimulationStage(Stage):
 
 def _truth_rasters(grid: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
     yield map_raster(TRUTH_SURFACE, grid, "float32", crs, tile, unit="m", readers=TRUTH_READERS)
+    yield map_raster(TRUTH_BELOW, grid, "float32", crs, tile, nodata=float("nan"), unit="m", readers=TRUTH_READERS)
     yield map_raster(TRUTH_MATERIAL, grid, "uint8", crs, tile, readers=TRUTH_READERS)
     yield map_raster(TRUTH_BUILDING, grid, "uint16", crs, tile, readers=TRUTH_READERS)
     yield map_raster(TRUTH_ORTHO, grid, "uint8", crs, tile, bands=3, readers=TRUTH_READERS)

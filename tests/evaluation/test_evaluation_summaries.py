@@ -29,6 +29,7 @@ from orthomill.tasks.evaluation.classes import CODE_GROUPS, GROUPS, MARGIN, Plac
 from orthomill.tasks.evaluation.edges import no_edges
 from orthomill.tasks.evaluation.grids import codes_on, colours_on, heights_on, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts, Shifts
+from orthomill.tasks.evaluation.porous_crowns import no_crowns
 from orthomill.tasks.evaluation.stage import EvaluationStage
 from orthomill.tasks.evaluation.tile_sums import (
     LEAST_ROOF,
@@ -43,7 +44,7 @@ CELL = 0.5
 
 
 def tile(dh, place, building=None, code=Provenance.AGREED, twice=True):
-    """Sums, histogram, histogram of buildings and counts at edges of a tile."""
+    """Sums, histogram, histogram of buildings, counts at edges and in crowns of a tile."""
     dh = np.asarray(dh, float)
     stratum = strata(np.asarray(place), np.full(len(dh), code), np.full(len(dh), twice))
     cells = JudgedCells(stratum, dh, *(np.full(len(dh), value) for value in (0.2, 0.1, 0.0)))
@@ -55,12 +56,13 @@ def tile(dh, place, building=None, code=Provenance.AGREED, twice=True):
         histogram(dh[known], stratum[known], CELL),
         histogram(dh[roof], building[roof], CELL),
         no_edges(),
+        no_crowns(),
     )
 
 
 def summary(*tiles, pairs=None, parallax_sigma=0.5):
-    sums, histograms, buildings, edges = zip(*tiles, strict=True)
-    return summarise_heights(sums, histograms, buildings, edges, box_block(), CELL, parallax_sigma, pairs)
+    sums, histograms, buildings, edges, crowns = zip(*tiles, strict=True)
+    return summarise_heights(sums, histograms, buildings, edges, crowns, box_block(), CELL, parallax_sigma, pairs)
 
 
 def pairs(base_height=0.5) -> EpipolarPairs:

@@ -15,6 +15,7 @@ from orthomill.tasks.evaluation.codes_section import check_section
 from orthomill.tasks.evaluation.edges import edge_shares
 from orthomill.tasks.evaluation.grids import grid_of, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, merged_counts, photos_that_reach
+from orthomill.tasks.evaluation.porous_crowns import crown_shares
 from orthomill.tasks.evaluation.tile_sums import summarise_check
 from orthomill.tasks.evaluation.tiles import (
     HeightComparison,
@@ -34,19 +35,21 @@ WHOLE = Window(0, 0, 60, 80)
 
 
 def truth():
-    """Level ground at 10 m with a building of 8 m (number 3), a pond and a tree; photograph counts of 3, 1 in the last rows."""
+    """Level ground at 10 m with a building of 8 m (number 3), a pond and a tree of 6 m with a pit below it; photograph counts
+    of 3, 1 in the last rows."""
     surface, material = np.full(GRID.shape, 10.0, np.float32), np.full(GRID.shape, Material.OPEN_GROUND, np.uint8)
     building, visibility = np.zeros(GRID.shape, np.uint16), np.full(GRID.shape, 0b111, np.uint32)
     roof = (slice(10, 26), slice(20, 44))
     surface[roof], material[roof], building[roof] = 18.0, Material.ROOF, 3
     material[40:50, 60:72], material[45:48, 10:13] = Material.WATER, Material.TREE
     visibility[55:] = 0b010
-    return surface, material, building, visibility
+    below = np.where(material == Material.TREE, np.float32(4.0), np.float32(np.nan))
+    return surface, below, material, building, visibility
 
 
 def dsm():
     """The truth, 0.2 m too high, roofs 0.5 m too low, empty water; height, precision and code (AGREED, or VOLUME in the east)."""
-    surface, material, _, _ = truth()
+    surface, _, material, _, _ = truth()
     height = surface + np.where(material == Material.ROOF, -0.5, 0.2).astype(np.float32)
     height[material == Material.WATER] = np.nan
     code = np.full(GRID.shape, Provenance.AGREED, np.uint8)
@@ -56,7 +59,7 @@ def dsm():
 
 def test_what_the_check_says_is_counted_by_class_whatever_the_tiles():
     """The roof has 16 x 24 cells, the ground within three cells of it 22 x 30 less these; a quarter of the roof is not judged."""
-    _, material, _, _ = truth()
+    _, _, material, _, _ = truth()
     code = np.full(GRID.shape, CheckCode.AGREES, np.uint8)
     code[10:18, 20:32], code[material == Material.WATER], code[8, 30] = CheckCode.NOT_JUDGED, CheckCode.ESTIMATE, CheckCode.WRONG
     parts = []
@@ -84,7 +87,7 @@ def row_of(sums: HeightSums, *places: PlaceClass, **which) -> dict[str, float]:
 
 
 def test_differences_are_those_that_were_planted():
-    _, material, _, _ = truth()
+    _, _, material, _, _ = truth()
     dh = compared().dh
     assert dh.dtype == np.float32 and dh[material == Material.ROOF] == pytest.approx(-0.5)
     assert dh[material == Material.OPEN_GROUND] == pytest.approx(0.2) and np.isnan(dh[material == Material.WATER]).all()
@@ -132,10 +135,10 @@ def test_grown_and_lost_edges_are_counted_by_code():
 
 
 def test_a_step_that_is_no_wall_has_no_edge():
-    surface, material, building, visibility = truth()
+    surface, *others = truth()
     low = np.minimum(surface, 11.5)
     place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
-    parts = (raster[readable(place).slices] for raster in (low, material, building, visibility))
+    parts = (raster[readable(place).slices] for raster in (low, *others))
     height, precision, code = dsm()
     edges = heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, WHOLE).edges
     assert edges.beside.sum() == edges.rim.sum() == 0 and np.isnan(edge_shares((edges,), MEASURED)).all()
@@ -145,6 +148,36 @@ def test_a_building_is_judged_by_its_interior():
     histogram = compared().buildings
     assert set(histogram.part) == {3} and histogram.count.sum() == 14 * 22, "one cell along each side is edge"
     assert set(histogram.bin) == {-50}
+
+
+def test_ground_seen_through_a_crown_is_told_from_the_crown():
+    """Nine cells of crown: three at it, two at the ground below, one at the ground with an error of 3 sigma, one in the air, one of
+    another code, one without a height."""
+    height, precision, code = dsm()
+    height[45:48, 10:13] = [[10.2, 10.2, 9.9], [4.1, 3.9, 4.45], [7.0, 10.2, np.nan]]
+    code[47, 11], code[47, 12] = Provenance.INCOHERENT, Provenance.EMPTY
+    found = compared(given=(height, precision, code)).crowns
+    assert crown_shares((found,), MEASURED) == pytest.approx(
+        {
+            "at_crown": 100 * 3 / 7,
+            "at_ground": 100 * 3 / 7,
+            "at_neither": 100 / 7,
+            "nearer_within_2": 100 * 5 / 7,
+            "nearer_beyond_4": 100 / 7,
+        }
+    )
+    assert crown_shares((found, found), (Provenance.INCOHERENT,))["at_crown"] == 100
+    assert np.isnan(crown_shares((found,), (Provenance.INTERPOLATED,))["at_crown"])
+
+
+def test_crowns_that_one_photograph_sees_are_not_counted():
+    rasters = truth()
+    rasters[-1][45:48] = 0b1
+    place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
+    height, precision, code = dsm()
+    parts = (raster[readable(place).slices] for raster in rasters)
+    found = heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, WHOLE)
+    assert found.crowns.cells.sum() == 0
 
 
 @pytest.mark.parametrize("size", [16, 32])
@@ -158,6 +191,8 @@ def test_tiles_of_heights_add_up_to_the_whole(size):
         assert one == pytest.approx(other)
     for name in ("beside", "grown", "rim", "lost"):
         assert np.array_equal(getattr(whole.edges, name), sum(getattr(p.edges, name) for p in parts))
+    for name in ("cells", "crown", "ground", "rated", "within_2", "beyond_4"):
+        assert np.array_equal(getattr(whole.crowns, name), sum(getattr(p.crowns, name) for p in parts))
     assert np.array_equal(merged_histogram((whole.histogram,)), merged_histogram(tuple(p.histogram for p in parts)))
 
 
@@ -166,7 +201,7 @@ def test_a_file_has_one_class_and_no_buildings():
     reference[:5] = np.nan
     found = heights_against_file(*dsm(), reference, GRID.cell)
     assert row_of(found.sums, PlaceClass.UNKNOWN, only_seen_twice=True)["cells"] == 55 * 80 == found.sums.cells.sum()
-    assert np.isnan(found.dh[:5]).all() and len(found.buildings) == len(found.edges) == 0
+    assert np.isnan(found.dh[:5]).all() and len(found.buildings) == len(found.edges) == len(found.crowns) == 0
 
 
 def texture(seed=1) -> np.ndarray:
@@ -182,7 +217,7 @@ def judged_ortho(core=WHOLE, ortho=None, adjusted=None):
     ortho = rgba(texture()) if ortho is None else ortho
     window = core.grown(HALO).clipped(GRID.shape)
     place = placement(GRID, window, GRID)
-    surface, material, _, visibility = (raster[readable(place).slices] for raster in truth())
+    surface, _, material, _, visibility = (raster[readable(place).slices] for raster in truth())
     where = OrthoTruthPlace(GRID, core, window, place)
     colours = texture()[readable(place).slices]
     return ortho_against_truth(

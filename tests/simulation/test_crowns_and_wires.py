@@ -15,6 +15,7 @@ from orthomill.tasks.simulation.scene.aloft import CABLE, LEAF, Aloft, first_see
 from orthomill.tasks.simulation.scene.crowns import TreeColumn, crown_top, leaves_at, stand_at_rest, stand_in_wind
 from orthomill.tasks.simulation.scene.glints import with_glints
 from orthomill.tasks.simulation.scene.layout import ground_at
+from orthomill.tasks.simulation.scene.scene import bare_ground
 from orthomill.tasks.simulation.scene.traversal import TOP, Ray, columns_of, first_hit
 from orthomill.tasks.simulation.scene.vehicles import vehicle_cells, vehicles_of
 from orthomill.tasks.simulation.scene.wires import MARKED, WIRE_RADIUS, near_spans, off_span, spans_of, wire_height
@@ -167,6 +168,15 @@ def test_the_truth_marks_what_passes_and_keeps_the_ground_there():
     bare = np.isin(plain.material[part().slices], OPEN_MATERIALS)
     assert np.array_equal(marked, bare & ((span > 0) | driven)) and marked.any()
     assert np.array_equal(tile.surface, plain.height[part().slices])
+
+
+def test_the_truth_knows_the_ground_below_crowns_and_nothing_elsewhere():
+    tile, window = paint(site(), part()), part()
+    crowns = tile.material == Material.TREE
+    assert np.array_equal(np.isfinite(tile.below), crowns) and crowns.any()
+    bare = bare_ground(scene(), *site().grid.centres(window))
+    assert tile.below[crowns] == pytest.approx(bare[crowns], abs=1e-3)
+    assert (tile.surface - tile.below)[crowns].min() > 0.5, "leaves begin above the ground"
 
 
 def test_crawling_vehicles_move_a_few_metres_along_their_lane():
