@@ -10,6 +10,7 @@ Strategy
   while it agrees with all smaller ones and is more precise: they are large where the surface is smooth, small where it bends. The
   smallest serves where the surface breaks within the next, those above the normal one only where texture is weak.
 - A node that ends far from its start is refused: the start knows which of several similar places is meant.
+- Neighbours on one plane are joined (joined_nodes.py).
 
 Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18; Goldenshluger & Nemirovski 1997 (intersection of
 confidence intervals).
@@ -20,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from orthomill.tasks.matching.dense.joined_nodes import joined
 from orthomill.tasks.matching.dense.node_surfaces import (
     NodeLattice,
     StartSurface,
@@ -322,7 +324,9 @@ def match_nodes(
     _solve_nodes(pair, lattice, planes, begin[..., 0].copy(), left.shape, rules, nodes, variance, misfit)
     ring = (lattice.rows - len(rows)) // 2
     moved = nodes.parallax - begin[ring : ring + len(rows), ring : ring + len(cols), 0]
-    return nodes._replace(sigma=np.sqrt(stated_variance(variance, moved, misfit)).astype(np.float32))
+    nodes = nodes._replace(sigma=np.sqrt(stated_variance(variance, moved, misfit)).astype(np.float32))
+    slopes = planes[ring : ring + len(rows), ring : ring + len(cols), 1:] * np.float32(lattice.step)
+    return nodes._replace(parallax=joined(nodes.parallax, nodes.sigma, slopes))
 
 
 def stated_variance(variance: np.ndarray, moved: np.ndarray, misfit: np.ndarray) -> np.ndarray:
