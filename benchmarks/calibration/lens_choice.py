@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -62,14 +63,30 @@ def images_of(folder: Path) -> list[np.ndarray]:
     return [image for image in read if image.shape == size]
 
 
-def boards_of(images: list[np.ndarray], corners: tuple[int, int]) -> tuple[CalibrationTarget, list[np.ndarray], int]:
-    """The target, every whole board (1, N, 2), and in how many photographs OpenCV's best detector sees one."""
+class Seen(NamedTuple):
+    """The target, every whole board (1, N, 2), and in how many photographs we and OpenCV's best detector see one; ours may be
+    cut."""
+
+    target: CalibrationTarget
+    whole: list[np.ndarray]
+    ours: int
+    peer: int
+
+    @property
+    def words(self) -> str:
+        """How many of our boards there are, and how many are whole where not all are."""
+        return str(self.ours) if self.ours == len(self.whole) else f"{self.ours} ({len(self.whole)} whole)"
+
+
+def boards_of(images: list[np.ndarray], corners: tuple[int, int]) -> Seen:
+    """The boards of all photographs."""
     tables = [photo_corners(image[:, :, None], str(number), corners, 1).corners for number, image in enumerate(images)]
     bend = CameraFromChessboards.model_fields["bend"].default
     target = CalibrationTarget(images[0].shape[::-1], corners, SQUARE, 1, bend=bend)
     whole = [own for own in found_boards(tuple(tables), target) if len(own) and np.isfinite(own).all()]
     flags = cv2.CALIB_CB_EXHAUSTIVE + cv2.CALIB_CB_ACCURACY
-    return target, whole, sum(cv2.findChessboardCornersSB(image, corners, flags=flags)[0] for image in images)
+    peer = sum(cv2.findChessboardCornersSB(image, corners, flags=flags)[0] for image in images)
+    return Seen(target, whole, sum(len(table) > 0 for table in tables), peer)
 
 
 def _plain(flags: int) -> Callable[[np.ndarray, list[np.ndarray], tuple[int, int]], Calibrated]:
@@ -124,12 +141,13 @@ def opencv_held_out(target: CalibrationTarget, boards: list[np.ndarray], kind: s
 def row(name: str, folder: Path, corners: tuple[int, int]) -> str:
     """One line of the table."""
     images = images_of(folder)
-    target, boards, peer_boards = boards_of(images, corners)
+    seen = boards_of(images, corners)
+    target, boards = seen.target, seen.whole
     begun = time.process_time()
     try:
         known = arrangement_of(boards, target)
     except GeometryError as error:
-        return f"| {name} | {len(images)} | {len(boards)} | {peer_boards} | {error} |" + " |" * 8
+        return f"| {name} | {len(images)} | {seen.words} | {seen.peer} | {error} |" + " |" * 8
     models = tuple(map(with_affinity, (*MODELS, *WIDE_MODELS)))
     judged = compare(known.result, known.start.corners, target, models)
     chosen = choice({model: one.check for model, one in judged.items()})
@@ -146,8 +164,8 @@ def row(name: str, folder: Path, corners: tuple[int, int]) -> str:
     cells = [
         name,
         len(images),
-        len(boards),
-        peer_boards,
+        seen.words,
+        seen.peer,
         f"{chosen.lens}, {len(chosen.free)}",
         f"{check.rms_all:.4f}" if check else "-",
         *(f"{peer:.4f}" for peer in peers),
@@ -170,7 +188,8 @@ def page(rows: dict[str, str]) -> str:
             "Every second photograph is held out: its pose is estimated with the interior orientation of the others, and the root "
             f"mean square is that of **all** corners. {HALVES} random halves: share of c, x0 and y0 that differ by less than two "
             "of their stated standard errors. Bend: the largest of the board, in per cent of its longer side. Seconds are those of "
-            "orthomill's choice of the lens from corners on a loaded machine. `nan`: OpenCV stops with an error.",
+            "orthomill's choice of the lens from corners on a loaded machine. `nan`: OpenCV stops with an error. Boards are "
+            "whole where nothing else is said; those that lack corners serve the calibration, but not this comparison.",
             "",
             HEAD,
             "| --- " * (HEAD.count("|") - 1) + "|",

@@ -232,7 +232,7 @@ class OrientationStage(Stage):
             writes=tables | {"separate": SEPARATE_BLOCKS},
             params=params,
             scratch=_AT_LEAST + _PER_RAY * rays,
-            way_out="find fewer tie points ('max_features' of tie_points)",
+            way_out="use fewer tie points ('max_matched' of tie_points)",
         )
 
     def _fixed_jobs(self, view: ProjectView, source: ForeignSource, tables: Tables) -> Iterator[Job]:

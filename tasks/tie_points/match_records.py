@@ -83,13 +83,29 @@ class MatchedPair(NamedTuple):
 
 
 class MatchCounts(BaseModel):
-    """What all pairs have found together."""
+    """How much tracks are made from."""
 
     model_config = ConfigDict(frozen=True)
 
     matches: int
     features: int
     """that take part in a match"""
+
+
+@dataclass(frozen=True)
+class MatchedFeatures(Columns):
+    """Features of all photographs that tracks are made from; sorted by photograph, then number."""
+
+    photo: np.ndarray
+    number: np.ndarray
+    """int32: of the photograph, and of the feature in its table"""
+
+
+class KeptFeatures(NamedTuple):
+    """The features that tracks are made from, and how many they and the matches between them are."""
+
+    counts: MatchCounts
+    kept: MatchedFeatures
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ from orthomill.tasks.tie_points.match_records import (
     Features,
     Links,
     MatchCounts,
+    MatchedFeatures,
     Observations,
     PairMatches,
     PairSummary,
@@ -42,15 +43,17 @@ from orthomill.tasks.tie_points.match_records import (
     Scatters,
     Values,
 )
+from orthomill.tasks.tie_points.matched_features import LEAST_SHARE, keep_matched
 from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
 from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance
 from orthomill.tasks.tie_points.patches import Strip, strip_patches
 from orthomill.tasks.tie_points.refinement import PatchRules, Refinable, refine_pairs
 from orthomill.tasks.tie_points.report import finish
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting
-from orthomill.tasks.tie_points.tracks import build_tracks, count_matches, observation_key, track_scratch
+from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tracks_of_kept
 
 MATCH_COUNTS = Table("tie_points/match_counts.json", MatchCounts)
+KEPT = Table("tie_points/kept.parquet", MatchedFeatures)
 LINKS = Table("tie_points/links.json", Links)
 CANDIDATES = Table("tie_points/candidates.json", Candidates)
 VOCABULARY = Table("tie_points/appearance/vocabulary.parquet", Values)
@@ -105,6 +108,13 @@ class TiePointsStage(Stage):
         2000, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000
     )
     max_features: int = setting(8000, "Points kept per photograph.", ge=200, le=100000)
+    max_matched: int = setting(
+        1_250_000,
+        "Matched points of all photographs together that the block is made from. Of more, every photograph keeps its share, "
+        f"{LEAST_SHARE} at least, all over its frame and those that were matched most often first.",
+        ge=10_000,
+        le=100_000_000,
+    )
     contrast: float = setting(
         0.02, "Least contrast of a point (SIFT's threshold); a lower value finds more and weaker points.", gt=0.0, le=0.2
     )
@@ -280,9 +290,15 @@ class TiePointsStage(Stage):
 
     def _count_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
         matches = Stream(tuple(_pair_tables(photos.names[left], photos.names[right])[0] for left, right in pairs))
-        scratch = 4 * self.max_features * (len(photos.names) + 16)
         return Job(
-            self.kind, "counts", count_matches, {"matches": matches}, {"counts": MATCH_COUNTS}, {"pairs": pairs}, scratch=scratch
+            stage=self.kind,
+            item="counts",
+            function=keep_matched,
+            reads={"matches": matches, "again": matches, "features": Stream(tuple(_features(name)[0] for name in photos.names))},
+            writes={"counts": MATCH_COUNTS, "kept": KEPT},
+            params={"pairs": pairs, "sizes": _sizes(photos), "most": self.max_matched},
+            # Two bytes for every feature, eight for every one that is kept, and their sum as it is put together.
+            scratch=self.max_features * (2 * len(photos.names) + 128) + 24 * self.max_matched,
         )
 
     def _track_job(self, photos: Photos, pairs: tuple[tuple[int, int], ...], counts: MatchCounts) -> Job:
@@ -291,14 +307,15 @@ class TiePointsStage(Stage):
         return Job(
             stage=self.kind,
             item="tracks",
-            function=build_tracks,
+            function=tracks_of_kept,
             reads={
                 "features": Stream(tuple(_features(name)[0] for name in names)),
-                "matches": tuple(_pair_tables(names[left], names[right])[0] for left, right in pairs),
+                "matches": Stream(tuple(_pair_tables(names[left], names[right])[0] for left, right in pairs)),
                 "summaries": tuple(_pair_tables(names[left], names[right])[1] for left, right in pairs),
+                "kept": KEPT,
             },
             writes={"links": LINKS, **observations},
-            params={"pairs": pairs, "sizes": tuple((photo.width, photo.height) for photo in photos.photos)},
+            params={"pairs": pairs, "sizes": _sizes(photos)},
             scratch=track_scratch(counts),
         )
 
@@ -379,6 +396,10 @@ class TiePointsStage(Stage):
             params={"weighting": Weighting(self.sigma_floor, self.sigma_unrefined * coarsest, self.unrefined)},
             scratch=700 * links.tracks,
         )
+
+
+def _sizes(photos: Photos) -> tuple[tuple[int, int], ...]:
+    return tuple((photo.width, photo.height) for photo in photos.photos)
 
 
 def _overview(photo: Photo) -> Raster:

@@ -3,7 +3,8 @@
 Features at the same place of a photograph (SIFT may assign two directions to a point) count as one. A track is a connected
 component of the matches; one that meets a photograph in two places contains a false match and is dropped. The reference of a track
 is the photograph that shows it nearest to its centre: there distortion and obliqueness are smallest. The features of the
-photographs stream by and only those that were matched stay, so that memory follows the matches, which are counted beforehand.
+photographs stream by and only those that were matched and kept (matched_features.py) stay, so that memory follows the matches,
+which are counted beforehand.
 """
 
 from collections.abc import Iterable, Iterator
@@ -15,7 +16,16 @@ from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
-from orthomill.tasks.tie_points.match_records import Features, Links, MatchCounts, Observations, PairMatches, PairSummary
+from orthomill.tasks.tie_points.match_records import (
+    Features,
+    Links,
+    MatchCounts,
+    MatchedFeatures,
+    Observations,
+    PairMatches,
+    PairSummary,
+)
+from orthomill.tasks.tie_points.matched_features import kept_matches
 from orthomill.tasks.tie_points.repeated_photographs import repeated_photographs
 
 
@@ -24,20 +34,23 @@ def observation_key(photo: int) -> str:
     return f"observations_{photo}"
 
 
-def count_matches(matches: Iterator[PairMatches], pairs: tuple[tuple[int, int], ...]) -> MatchCounts:
-    """How much `build_tracks` will join; matches: one per pair of photograph numbers."""
-    ends, matched = 0, dict[int, np.ndarray]()
-    for photo, numbers in _ends(matches, pairs):
-        ends += len(numbers)
-        matched[photo] = np.union1d(matched.get(photo, np.zeros(0, np.int32)), numbers)
-    return MatchCounts(matches=ends // 2, features=sum(map(len, matched.values())))
-
-
 def track_scratch(counts: MatchCounts) -> int:
     """Working memory of `build_tracks`, bytes."""
     # A place with its photograph, pixels, labels and the keys by which they are sorted; a match in two tables, as an edge of the
     # graph, and as SciPy turns that graph over.
     return 200 * counts.features + 40 * counts.matches
+
+
+def tracks_of_kept(
+    features: Iterator[Features],
+    matches: Iterator[PairMatches],
+    summaries: tuple[PairSummary, ...],
+    kept: MatchedFeatures,
+    pairs: tuple[tuple[int, int], ...],
+    sizes: tuple[tuple[int, int], ...],
+) -> dict[str, Links | Observations]:
+    """`build_tracks` from those matches whose features are `kept`."""
+    return build_tracks(features, tuple(kept_matches(matches, pairs, kept)), pairs, sizes, summaries)
 
 
 def build_tracks(

@@ -15,13 +15,14 @@ from orthomill.schemas.stage_contract import NotYet
 from orthomill.tasks.tie_points.appearance import alike, sample, signature, vocabulary
 from orthomill.tasks.tie_points.descriptor_search import mutual_matches
 from orthomill.tasks.tie_points.match_records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
+from orthomill.tasks.tie_points.matched_features import keep_matched
 from orthomill.tasks.tie_points.pair_matching import without_parallax
 from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance, viewed_ground
 from orthomill.tasks.tie_points.refinement import start_affine
 from orthomill.tasks.tie_points.report import distribution_index, measure, shared_points
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble, with_measured_floor
-from orthomill.tasks.tie_points.tracks import build_tracks, count_matches, observation_key, track_scratch
+from orthomill.tasks.tie_points.tracks import build_tracks, observation_key, track_scratch
 
 
 def photos(count: int, position=lambda number: None) -> Photos:
@@ -154,7 +155,7 @@ def test_memory_of_tracks_is_what_their_count_declares(per_pair):
     pairs = tuple((left, left + step) for step in (1, 2, 3) for left in range(count - step))
     # Mostly the same feature numbers everywhere, as true tracks have, so that components of all lengths arise.
     found = tuple(matches(*[(k, k) for k in rng.choice(many, per_pair, replace=False)]) for _ in pairs)
-    counts = count_matches(iter(found), pairs)
+    counts = keep_matched(iter(found), iter(found), iter(tables), pairs, ((4000, 4000),) * count, 10**6).counts
     assert counts.matches == per_pair * len(pairs) and counts.features <= 2 * counts.matches
     tracemalloc.start()
     build_tracks(iter(tables), found, pairs, ((4000, 4000),) * count)
