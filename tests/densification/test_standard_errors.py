@@ -12,6 +12,7 @@ from orthomill.tasks.densification.standard_errors import (
     groundless,
     height_range,
     relative_precision,
+    unevenness,
     window_doubt,
     with_distance,
 )
@@ -56,6 +57,42 @@ def test_windows_that_reach_over_an_edge_bend():
     cells = FusedCells(height, np.full(height.shape, 0.1, np.float32), *(np.ones(height.shape, np.uint8) for _ in range(2)))
     found = relative_precision(cells, volume, STEP)[4]
     assert found[15] > 2 * found[14] and found[14] == pytest.approx(SHARE * 0.1)
+
+
+def uneven_cells(hole: bool, code: Provenance = Provenance.AGREED) -> tuple[FusedCells, VolumeWindow]:
+    """Heights with noise of 0.1 m on an inclined plane, and in a corner nothing, if asked."""
+    row, col = np.indices((40, 40))
+    height = (10 + 0.3 * col + np.random.default_rng(5).normal(0, 0.1, row.shape)).astype(np.float32)
+    codes = np.full(height.shape, code, np.uint8)
+    if hole:
+        height[:4, :4], codes[:4, :4] = np.nan, Provenance.EMPTY
+    volume = VolumeWindow.unknown(height.shape)
+    volume.judgement[..., Judgement.STANDING] = 200
+    return FusedCells(height, np.full(height.shape, 0.02, np.float32), np.ones(height.shape, np.uint8), codes), volume
+
+
+def test_uneven_heights_near_what_was_not_measured_are_doubtful():
+    calm, holed = (relative_precision(*uneven_cells(hole), STEP) for hole in (False, True))
+    assert (holed[4:10, 4:10] > 1.2 * calm[4:10, 4:10]).mean() > 0.9
+    assert np.array_equal(holed[20:, 20:], calm[20:, 20:]), "eight cells away all is as it was"
+    estimates = (relative_precision(*uneven_cells(hole, Provenance.INCOHERENT), STEP) for hole in (False, True))
+    assert np.array_equal(*(found[20:, 20:] for found in estimates))
+
+
+def test_no_unevenness_adds_more_than_heights_around_differ():
+    cells, volume = uneven_cells(True)
+    found = relative_precision(cells, volume, STEP)[5:9, 5:9]
+    assert (found <= np.hypot(height_range(cells.height, 2)[5:9, 5:9], height_range(cells.height, 5)[5:9, 5:9])).all()
+
+
+def test_slopes_and_walls_are_even_and_noise_is_not():
+    row, col = np.indices((20, 30))
+    slope = (0.4 * col - 0.2 * row).astype(np.float32)
+    assert unevenness(slope)[3:-3, 3:-3] == pytest.approx(0, abs=1e-5)
+    assert unevenness(np.where(col < 15, slope, slope + 8).astype(np.float32))[3:-3, 3:-3] == pytest.approx(0, abs=1e-5)
+    noise = np.random.default_rng(2).normal(0, 0.1, (200, 200)).astype(np.float32)
+    # The mean of four has half of the noise: a difference of 1.118 sigma, whose absolute value has its median at 0.6745 of it.
+    assert np.median(unevenness(noise)) == pytest.approx(0.0754, rel=0.1)
 
 
 def test_within_a_window_of_a_wall_a_height_may_be_that_of_roof_or_ground():
