@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orthomill.tasks.imagery import radiometric_balance
 from orthomill.tasks.imagery.radiometric_balance import (
     PhotoRadiometry,
     Radiometry,
@@ -143,3 +144,25 @@ def test_samples_of_all_tiles_are_adjusted_together():
     assert isinstance(one, Radiometry) and one.points == many.points == 300
     assert np.allclose([p.gain for p in one.photos], [p.gain for p in many.photos], atol=1e-6)
     assert one.of("b").photo == "b"
+
+
+def test_reduced_equations_are_the_schur_complement_of_the_whole_ones():
+    """One iteration against dense normal equations of all parameters and all brightnesses; no photo sees all points."""
+    rng = np.random.default_rng(5)
+    point, photo = np.repeat(np.arange(9), 2), np.array([0, 1, 1, 2, 2, 3] * 3)
+    channel = radiometric_balance._Channel(photo, point, rng.uniform(0, 1, 18), rng.uniform(20, 200, 18), 4, 9)
+    ground, x = rng.uniform(20, 200, 9), np.tile([1.0, 0.02, -0.01, 3.0], 4) + rng.normal(0, 0.01, 16)
+    found = radiometric_balance._reduced(channel, ground, x)
+    a = x.reshape(4, 4)[photo]
+    slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
+    residual = channel.g - slope * ground[point] - a[:, 3]
+    sigma = max(1.4826 * np.median(np.abs(residual)), 0.1)
+    W = np.diag(np.minimum(1.0, radiometric_balance.HUBER * sigma / np.abs(residual)))
+    J, B = np.zeros((18, 16)), np.zeros((18, 9))
+    for k in range(18):
+        G = ground[point[k]]
+        J[k, 4 * photo[k] : 4 * photo[k] + 4] = G, channel.r2[k] * G, channel.r2[k] ** 2 * G, 1.0
+        B[k, point[k]] = slope[k]
+    eliminated = B @ np.linalg.inv(B.T @ W @ B) @ B.T @ W
+    np.testing.assert_allclose(found.normal.toarray(), J.T @ W @ (J - eliminated @ J), rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(found.right, J.T @ W @ (residual - eliminated @ residual), rtol=1e-9, atol=1e-6)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from box_scene import DSM, view
@@ -84,3 +85,14 @@ def test_the_widening_is_a_ramp_of_the_distance(margin, ramp):
     row = widening_factor(hidden, margin, ramp)[20]
     distance = np.maximum(np.arange(60) - 19.0, 0.0)
     assert np.allclose(row, np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0), atol=1e-5)
+
+
+@pytest.mark.parametrize(("margin", "ramp"), [(0.0, 2.0), (1.0, 2.0), (2.5, 0.0), (3.3, 4.4)])
+def test_widening_agrees_with_a_distance_transform(margin, ramp):
+    hidden = cv2.GaussianBlur(np.random.default_rng(4).normal(size=(60, 70)), (0, 0), 2.0) > 0.25
+    square = np.ones((2, 2), np.uint8)
+    opened = cv2.dilate(cv2.erode(hidden.astype(np.uint8), square, anchor=(0, 0)), square, anchor=(1, 1))
+    distance = cv2.distanceTransform(1 - opened, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    expected = np.clip((distance - margin) / max(ramp, 1e-6), 0.0, 1.0)
+    assert 0.02 < opened.mean() < 0.6 and (expected == 1).any()
+    np.testing.assert_allclose(widening_factor(hidden, margin, ramp), expected, atol=1e-6)
