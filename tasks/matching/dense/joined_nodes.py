@@ -69,7 +69,7 @@ def _off_plane(parallax, sigma, at, slope):
     if n < _FEWEST:
         return 0.0
     x, y, v = x / total, y / total, v / total
-    a, b, c = xx / total - x * x + _RIDGE, xy / total - x * y, yy / total - y * y + _RIDGE
-    d, e = vx / total - v * x, vy / total - v * y
-    determinant = a * c - b * b
-    return v - ((d * c - e * b) * x + (e * a - d * b) * y) / determinant
+    cxx, cxy, cyy = xx / total - x * x + _RIDGE, xy / total - x * y, yy / total - y * y + _RIDGE
+    cvx, cvy = vx / total - v * x, vy / total - v * y
+    determinant = cxx * cyy - cxy * cxy
+    return v - ((cvx * cyy - cvy * cxy) * x + (cvy * cxx - cvx * cxy) * y) / determinant
