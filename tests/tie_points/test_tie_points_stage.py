@@ -116,6 +116,10 @@ def test_limits_of_points_reach_every_part_and_the_photograph():
     assert {job.params["max_features"] for job in of(jobs, "chosen")} == {1234}
 
 
+def test_the_limit_of_matched_points_reaches_the_job_that_counts_them():
+    assert of(whole(TiePointsStage(max_matched=20_000)), "counts")[0].params["most"] == 20_000
+
+
 @pytest.mark.parametrize("side", [4000, 1000])
 def test_the_tolerance_is_in_pixels_of_the_searched_level(side):
     stage = TiePointsStage(search_side=side, epipolar_tolerance=2.5, ratio=0.7)

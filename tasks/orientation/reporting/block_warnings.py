@@ -21,8 +21,8 @@ from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
-from orthomill.tasks.orientation.reporting.left_out import left_out_sentences
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
+from orthomill.tasks.orientation.reporting.photographs_left_out import left_out_sentences
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
 ONE_SIDED = 0.2
