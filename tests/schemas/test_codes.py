@@ -58,7 +58,7 @@ def test_the_truth_has_the_same_readers_everywhere():
     assert TRUTH_READERS == ("simulation", "evaluation")
     assert TRUTH_GRID.readers == TRUTH_BLOCK.readers == TRUTH_READERS
     names = [value for name, value in vars(truth).items() if name.startswith("TRUTH_") and isinstance(value, str)]
-    assert len(names) == 8 and all(name.startswith("truth/") for name in names)
+    assert len(names) == 9 and all(name.startswith("truth/") for name in names)
 
 
 def test_the_bits_of_the_visibility_are_those_of_the_docstring():
