@@ -12,8 +12,8 @@ import numpy as np
 
 from orthomill.tasks.tie_points.match_records import Features, KeptFeatures, MatchCounts, MatchedFeatures, PairMatches
 
-LEAST_SHARE = 800
-"""Features that every photograph keeps, however many photographs there are: a dozen for each of 64 parts of the frame."""
+LEAST_SHARE = 500
+"""Features that every photograph keeps, however many photographs there are: eight for each of 64 parts of the frame."""
 _PARTS = 8
 """parts of the frame along either side"""
 Pairs = tuple[tuple[int, int], ...]

@@ -109,7 +109,7 @@ class TiePointsStage(Stage):
     )
     max_features: int = setting(8000, "Points kept per photograph.", ge=200, le=100000)
     max_matched: int = setting(
-        1_250_000,
+        600_000,
         "Matched points of all photographs together that the block is made from. Of more, every photograph keeps its share, "
         f"{LEAST_SHARE} at least, all over its frame and those that were matched most often first.",
         ge=10_000,

@@ -46,8 +46,7 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
     """The result whose covariances include the `errors`; values, residuals and their tests are the same. `size` (P, 2) px of the
     photographs."""
     network = result.network
-    alone, together = _moves(result, errors, size)
-    moves = np.hstack([alone.reshape(network.unknowns, -1), together.reshape(network.unknowns, -1)])
+    moves, alone, together = _moves(result, errors, size)
     pattern = result.cofactor.blocks.pattern
     added = BlockMatrix.zero(pattern)
     added.add_product(moves, moves)
@@ -61,28 +60,37 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
     points[network.kept] = added.pieces(network.kept_columns)
     return replace(
         result,
-        cofactor=replace(result.cofactor, blocks=blocks, moves=np.hstack([result.cofactor.moves, moves])),
+        cofactor=replace(result.cofactor, blocks=blocks, moves=_beside(result.cofactor.moves, moves)),
         point_covariance=result.point_covariance + points,
         correlated=errors,
         before=result,
     )
 
 
-def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The effect on the unknowns of one standard error of the coefficients: (n, P, 2 TERMS) of those of single photographs, (n, C,
-    2 TERMS) of those of cameras."""
+def _beside(moves: np.ndarray, more: np.ndarray) -> np.ndarray:
+    """The columns of both; without a copy where the first has none."""
+    return np.hstack([moves, more]) if moves.shape[1] else more
+
+
+def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The effect on the unknowns of one standard error of the coefficients, a column for each, and its parts: (n, P, 2 TERMS) of
+    those of single photographs, (n, C, 2 TERMS) of those of cameras."""
     network, (alone, together) = result.network, _amplitudes(errors)
     white, photos = white_covariance(result), np.unique(result.rays.photo[result.used])
-    moved = np.zeros((network.unknowns, network.photos, 2 * TERMS))
+    # The square of the photographs: in large blocks nothing else is as large, so that it exists once.
+    moves = np.zeros((network.unknowns, 2 * TERMS * (network.photos + len(network.interior.free))))
+    moved = moves[:, : 2 * TERMS * network.photos].reshape(network.unknowns, network.photos, 2 * TERMS)
+    of_camera = moves[:, 2 * TERMS * network.photos :].reshape(network.unknowns, -1, 2 * TERMS)
     # In groups: the normal matrix of all coefficients would be dense in the photographs.
     for first in range(0, len(photos), MOST):
         chosen = photos[first : first + MOST]
         moved[:, chosen] = effects(result, size, white, chosen).unknowns.reshape(network.unknowns, len(chosen), -1)
-    of_camera = np.zeros((network.unknowns, len(network.interior.free), 2 * TERMS))
     for photo, camera in enumerate(network.camera_of):
         # A field shared by the photographs of a camera has the sum of their effects.
         of_camera[:, camera] += moved[:, photo]
-    return alone * moved, together * of_camera
+    moved *= alone
+    of_camera *= together
+    return moves, moved, of_camera
 
 
 def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
