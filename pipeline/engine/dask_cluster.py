@@ -248,7 +248,7 @@ def remote_client(address: str, memory: int, tls: tuple[Path, Path, Path] | None
             f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
         ) from error
     with _open(reached, f"at {address}", "restart the cluster") as client:
-        if not client.scheduler_info(n_workers=-1)["workers"]:
+        if not client.scheduler_info(n_workers=-1).get("workers"):
             raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
         _check_program(client, "install the version of this command in the workers' environment, and start them again")
         # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.

@@ -151,7 +151,7 @@ class DaskRunner:
         self._looked = now
         # When the scheduler is lost, all futures are cancelled, and that is what the run ends with.
         with suppress(*LOST):
-            if self.client.scheduler_info(n_workers=-1)["workers"]:
+            if self.client.scheduler_info(n_workers=-1).get("workers"):
                 self._quiet = now
         if now - self._quiet > DESERTED:
             raise ResourceError(
