@@ -256,7 +256,7 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
     unit = " px" if finding.parameter in IN_PIXELS else ""
     return (
         f"Correlated image errors: {what}. The standard errors include them: {finding.parameter} of {finding.owner} is known to "
-        f"{_two_digits(finding.sigma)}{unit}, not to {_digits(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
+        f"{_two_digits(finding.sigma)}{unit}, not to {_two_digits(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
         "photographs by 90 degrees."
     )
 
