@@ -248,20 +248,20 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
     )
     # Residuals of a tenth of a pixel beside displacements of a whole one look like a mistake of the report.
     what = (
-        f"whole regions of a photograph are displaced by {_two_digits(finding.rms_px)} px on average, {whose}"
+        f"whole regions of a photograph are displaced by {_short(finding.rms_px)} px on average, {whose}"
         if finding.shown_px is None or finding.rms_px < HIDDEN * finding.shown_px
-        else f"residuals of whole regions of a photograph are alike by {_two_digits(finding.shown_px)} px, {whose}, and are what is "
-        f"left of displacements by about {_two_digits(finding.rms_px)} px, most of which the orientation and the camera can absorb"
+        else f"residuals of whole regions of a photograph are alike by {_short(finding.shown_px)} px, {whose}, and are what is "
+        f"left of displacements by about {_short(finding.rms_px)} px, most of which the orientation and the camera can absorb"
     )
     unit = " px" if finding.parameter in IN_PIXELS else ""
     return (
         f"Correlated image errors: {what}. The standard errors include them: {finding.parameter} of {finding.owner} is known to "
-        f"{_two_digits(finding.sigma)}{unit}, not to {_two_digits(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
+        f"{_short(finding.sigma)}{unit}, not to {_short(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
         "photographs by 90 degrees."
     )
 
 
-def _two_digits(value: float) -> str:
+def _short(value: float) -> str:
     """Two digits, not 3e+02 for hundreds, nor 0.00 for thousandths."""
     return f"{float(f'{value:.2g}'):g}"
 
