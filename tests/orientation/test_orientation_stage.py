@@ -18,7 +18,7 @@ from orthomill.tasks.orientation.stage import OrientationStage
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
 
-KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
+KNOWN = {PHOTOS: SimpleNamespace(photos=()), TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
 """what the stage knows of the tie points when it plans"""
 
 
