@@ -46,9 +46,8 @@ from orthomill.tasks.orientation.start.up_direction import Looking
 Reads = dict[str, Region | tuple[Region, ...]]
 _AT_LEAST = 32 * 2**20
 """bytes of working memory of a block of a few photographs"""
-_PER_RAY, _PER_RELATED, _PER_SQUARE = 1700, 100, 700
-"""bytes per image measurement of the adjustment and of the pairs (measured with blocks of 20 thousand to 2 million), and per square
-of the number of photographs: what correlated errors of each do to the orientation of all"""
+_PER_RAY, _PER_RELATED = 1700, 100
+"""bytes per image measurement of the adjustment and of the pairs (measured with blocks of 20 thousand to 2 million)"""
 _SIMULATED = ("photographs/control.csv", "photographs/measurements.csv")
 Tables = dict[str, Raster | Table]
 BLOCK_TABLES: Tables = {
@@ -232,7 +231,7 @@ class OrientationStage(Stage):
             reads=reads,
             writes=tables | {"separate": SEPARATE_BLOCKS},
             params=params,
-            scratch=_AT_LEAST + _PER_RAY * rays + _PER_SQUARE * len(view.table(PHOTOS).photos) ** 2,
+            scratch=_AT_LEAST + _PER_RAY * rays,
             way_out="use fewer tie points ('max_matched' of tie_points)",
         )
 

@@ -9,7 +9,6 @@ from pydantic import ValidationError
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job, Table, TextFile
 from orthomill.schemas.observations import TIE_POINT_COUNTS, TiePointCounts
-from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import ControlFromFiles, MapSurface, NoControl, SimulatedControl
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
@@ -18,7 +17,7 @@ from orthomill.tasks.orientation.stage import OrientationStage
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
 
-KNOWN = {PHOTOS: SimpleNamespace(photos=()), TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
+KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
 """what the stage knows of the tie points when it plans"""
 
 
@@ -147,17 +146,14 @@ def test_a_fixed_block_writes_no_separate_blocks():
 
 @pytest.mark.parametrize("item", ["pairs", "block"])
 def test_memory_of_the_adjustment_follows_the_measurements(item):
-    def scratch(rays: int, photos: int = 2) -> int:
+    def scratch(rays: int) -> int:
         counts = TiePointCounts(points=rays, rays=rays)
-        many = SimpleNamespace(photos=(None,) * photos)
         project = SimpleNamespace(crs="EPSG:2100", grid=MapSurface(), control=NoControl(kind="none"))
-        view = SimpleNamespace(project=project, table=lambda table: many if table == PHOTOS else counts)
+        view = SimpleNamespace(project=project, table=lambda table: counts)
         return next(job.scratch for job in OrientationStage().plan(view) if isinstance(job, Job) and job.item == item)
 
     few, many, more = map(scratch, (0, 10**5, 2 * 10**5))
     assert few > 0 and more - many == many - few >= 10 * 10**5
-    squares = [scratch(10**5, photos) - scratch(10**5, 0) for photos in (100, 1000)]
-    assert squares[1] == 100 * squares[0] and (squares[0] > 0) == (item == "block")
 
 
 def test_the_outlines_are_those_of_the_photographs_of_the_block():

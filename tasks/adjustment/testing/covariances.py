@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.sparse import csc_array
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.datum import add_prior
@@ -26,13 +27,27 @@ WORST_CONDITION = 1e15
 
 
 @dataclass(frozen=True, eq=False)
+class Motion:
+    """How quantities that are many and act on few unknowns each move all of them: the solutions, by `inverse`, for the right-hand
+    sides `pulls` (n, k) of one standard error of each. The solutions (n, k) are dense, and never formed."""
+
+    inverse: Inverse
+    pulls: csc_array
+
+    def times(self, vectors: np.ndarray) -> np.ndarray:
+        """The covariance of the unknowns under these quantities, times `vectors` (n, k)."""
+        return self.inverse.times(self.pulls @ (self.pulls.T @ self.inverse.times(vectors)))
+
+
+@dataclass(frozen=True, eq=False)
 class Covariance:
-    """Covariance of the n unknowns of the reduced system: its `blocks`, the `inverse` for the rest, and `moves` (n, k): the effect
-    on the unknowns of one standard error of every considered quantity."""
+    """Covariance of the n unknowns of the reduced system: its `blocks`, the `inverse` for the rest, `moves` (n, k): the effect
+    on the unknowns of one standard error of every considered parameter, and what errors that are `correlated` add."""
 
     blocks: BlockMatrix
     inverse: Inverse
     moves: np.ndarray
+    correlated: Motion | None = None
 
     def __len__(self) -> int:
         return len(self.blocks)
@@ -44,7 +59,8 @@ class Covariance:
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """The product (n, k) with `vectors` (n, k)."""
-        return self.inverse.times(vectors) + self.moves @ (self.moves.T @ vectors)
+        white = self.inverse.times(vectors) + self.moves @ (self.moves.T @ vectors)
+        return white if self.correlated is None else white + self.correlated.times(vectors)
 
     def joint(self, columns: np.ndarray) -> np.ndarray:
         """(m, m) of the unknowns `columns` (m,); 0 for -1."""

@@ -10,19 +10,24 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from scipy.sparse import csc_array, eye_array, hstack, kron
 
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.normal_equations import point_precision, point_precision_alone
-from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
+from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
+from orthomill.tasks.adjustment.testing.covariances import Motion
 from orthomill.tasks.adjustment.testing.error_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
 
 
 class FieldEffects(NamedTuple):
-    """The effects of the fields on the unknowns for kernels: per unit coefficient of single photographs `alone` (n, P, 2 TERMS)
-    and of cameras `together` (n, C, 2 TERMS), times the standard errors `own` and `shared` of these, px."""
+    """The effects of the fields on the unknowns for kernels: per unit coefficient of single photographs `alone` (R, 2 TERMS), for
+    photograph p on the unknowns that have points in common with it, `unknown` (R,) from first[p] to first[p + 1], ascending; and
+    of cameras `together` (n, C, 2 TERMS). `own` and `shared`: the standard errors of these coefficients, px."""
 
+    first: np.ndarray
+    unknown: np.ndarray
     alone: np.ndarray
     together: np.ndarray
     own: float
@@ -46,51 +51,61 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
     """The result whose covariances include the `errors`; values, residuals and their tests are the same. `size` (P, 2) px of the
     photographs."""
     network = result.network
-    moves, alone, together = _moves(result, errors, size)
-    pattern = result.cofactor.blocks.pattern
-    added = BlockMatrix.zero(pattern)
-    added.add_product(moves, moves)
-    blocks = BlockMatrix(pattern, result.cofactor.blocks.values + added.values)
+    fields, added, motion = _propagated(result, errors, size)
+    blocks = BlockMatrix(added.pattern, result.cofactor.blocks.values + added.values)
     rays = weighted_rays(result)
     linear, basis = linearised(network, result.state, rays), field_basis(rays.xy, size[rays.photo])
     # `point_precision` adds the precision of the rays themselves, which the result has already.
-    exact = point_precision_alone(linear, pattern.start)
-    pulls = _pulls(linear, rays, network.camera_of, basis, FieldEffects(alone, together, *_amplitudes(errors)))
+    exact = point_precision_alone(linear, added.pattern.start)
+    pulls = _pulls(linear, rays, network.camera_of, basis, fields)
     points = point_precision(linear, added)[0] - exact + exact @ pulls @ exact
     points[network.kept] = added.pieces(network.kept_columns)
     return replace(
         result,
-        cofactor=replace(result.cofactor, blocks=blocks, moves=_beside(result.cofactor.moves, moves)),
+        cofactor=replace(result.cofactor, blocks=blocks, correlated=motion),
         point_covariance=result.point_covariance + points,
         correlated=errors,
         before=result,
     )
 
 
-def _beside(moves: np.ndarray, more: np.ndarray) -> np.ndarray:
-    """The columns of both; without a copy where the first has none."""
-    return np.hstack([moves, more]) if moves.shape[1] else more
-
-
-def _moves(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The effect on the unknowns of one standard error of the coefficients, a column for each, and its parts: (n, P, 2 TERMS) of
-    those of single photographs, (n, C, 2 TERMS) of those of cameras."""
-    network, (alone, together) = result.network, _amplitudes(errors)
+def _propagated(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[FieldEffects, BlockMatrix, Motion]:
+    """What the fields do to the unknowns: near each photograph, the covariance in the blocks of the result, and all of it."""
+    network, (own, shared) = result.network, _amplitudes(errors)
     white, photos = white_covariance(result), np.unique(result.rays.photo[result.used])
-    # The square of the photographs: in large blocks nothing else is as large, so that it exists once.
-    moves = np.zeros((network.unknowns, 2 * TERMS * (network.photos + len(network.interior.free))))
-    moved = moves[:, : 2 * TERMS * network.photos].reshape(network.unknowns, network.photos, 2 * TERMS)
-    of_camera = moves[:, 2 * TERMS * network.photos :].reshape(network.unknowns, -1, 2 * TERMS)
-    # In groups: the normal matrix of all coefficients would be dense in the photographs.
+    added = BlockMatrix.zero(result.cofactor.blocks.pattern)
+    near = _near_photographs(added.pattern, network.photos)
+    alone = np.zeros((len(near.indices), 2 * TERMS))
+    together = np.zeros((network.unknowns, len(network.interior.free), 2 * TERMS))
+    pulls = []
+    # In groups, of whose effects only the part that is needed stays: all of them would be the square of the photographs.
     for first in range(0, len(photos), MOST):
         chosen = photos[first : first + MOST]
-        moved[:, chosen] = effects(result, size, white, chosen).unknowns.reshape(network.unknowns, len(chosen), -1)
-    for photo, camera in enumerate(network.camera_of):
-        # A field shared by the photographs of a camera has the sum of their effects.
-        of_camera[:, camera] += moved[:, photo]
-    moved *= alone
-    of_camera *= together
-    return moves, moved, of_camera
+        found = effects(result, size, white, chosen)
+        moved = found.unknowns.reshape(network.unknowns, len(chosen), 2 * TERMS)
+        added.add_product(own * found.unknowns, own * found.unknowns)
+        pulls.append(csc_array(found.pull))
+        for k, photo in enumerate(chosen):
+            part = slice(near.indptr[photo], near.indptr[photo + 1])
+            alone[part] = moved[near.indices[part], k]
+            # A field shared by the photographs of a camera has the sum of their effects.
+            together[:, network.camera_of[photo]] += moved[:, k]
+    of_cameras = shared * together.reshape(network.unknowns, -1)
+    added.add_product(of_cameras, of_cameras)
+    pull = hstack(pulls, format="csc")
+    of_camera = csc_array(network.camera_of[photos][:, None] == np.arange(len(network.interior.free)), dtype=float)
+    summed = pull @ kron(of_camera, eye_array(2 * TERMS), format="csc")
+    motion = Motion(white.inverse, hstack([own * pull, shared * summed], format="csc"))
+    return FieldEffects(near.indptr, near.indices, alone, together, own, shared), added, motion
+
+
+def _near_photographs(pattern: Pattern, photos: int) -> csc_array:
+    """(n, P), of which only the structure counts: the unknowns, in ascending order, that have a block with each photograph."""
+    blocks = csc_array((np.ones(len(pattern.partner)), (pattern.rows, pattern.partner)), shape=[len(pattern.first) - 1] * 2)
+    groups = (blocks + blocks.T).tocsr()[pattern.owner]
+    near = groups[:, :photos].tocsc()
+    near.sort_indices()
+    return near
 
 
 def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
@@ -142,14 +157,23 @@ def _mixed(rays, effects, pair, block):
         c = rays.columns[i, a]
         if c < 0:
             continue
+        near = _row_of(effects, rays.photo[j], c)
         for n in range(2):
             along = 0.0
             for d in range(terms):
                 at = n * terms + d
-                of_photo = effects.own * effects.alone[c, rays.photo[j], at]
-                along += (of_photo + effects.shared * effects.together[c, rays.camera[j], at]) * rays.basis[j, d]
+                of_photo = effects.own**2 * effects.alone[near, at] if near >= 0 else 0.0
+                along += (of_photo + effects.shared**2 * effects.together[c, rays.camera[j], at]) * rays.basis[j, d]
             for m in range(2):
                 block[m, n] += rays.jg[i, m, a] * along
+
+
+@njit(cache=True)
+def _row_of(effects, photo, unknown):
+    """The row of `alone` with the effect of a photograph on an unknown; -1 where they have no point in common."""
+    last = effects.first[photo + 1]
+    row = effects.first[photo] + np.searchsorted(effects.unknown[effects.first[photo] : last], unknown)
+    return row if row < last and effects.unknown[row] == unknown else -1
 
 
 @njit(cache=True)

@@ -62,9 +62,11 @@ def field_basis(xy: np.ndarray, size: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True, eq=False)
 class Effects:
     """The coefficients of some photographs (photo by photo, x before y): `unknowns` (n, k) the effect of a unit of each on the
-    adjusted unknowns; `normal` (k, k) and `right` (k,) of their normal equations after elimination of everything else."""
+    adjusted unknowns, minus the solution for the right-hand sides `pull` (n, k), which are 0 where no point is in common; `normal`
+    (k, k) and `right` (k,) of their normal equations after elimination of everything else."""
 
     unknowns: np.ndarray
+    pull: np.ndarray
     normal: np.ndarray
     right: np.ndarray
 
@@ -104,7 +106,7 @@ def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.
     cross, own = np.vsplit(normals.matrix.times(unit), [count])
     moved = -white.times(cross)
     own = own + cross.T @ moved
-    return Effects(moved, 0.5 * (own + own.T), normals.right[count:])
+    return Effects(moved, cross, 0.5 * (own + own.T), normals.right[count:])
 
 
 def _columns(network: Network, rays: Rays, size: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

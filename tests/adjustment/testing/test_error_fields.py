@@ -33,9 +33,13 @@ def test_fields_are_orthonormal_over_the_frame():
     assert np.allclose(product, np.eye(TERMS), atol=1e-12)
 
 
+@pytest.mark.parametrize("along_a_strip", [False, True], ids=["all see all", "along a strip"])
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_covariances_equal_those_of_dense_algebra(share):
-    network, state, rays = small_network(noise=1.0)
+def test_covariances_equal_those_of_dense_algebra(share, along_a_strip):
+    network, state, rays = small_network(photos=6 if along_a_strip else 4, noise=1.0)
+    if along_a_strip:
+        # Each point in three neighbours: the first photographs and the last have none in common.
+        rays = rays.take((rays.photo >= rays.point % 4) & (rays.photo < rays.point % 4 + 3))
     result = adjust(network, state, rays)
     got = with_correlated_errors(result, CorrelatedErrors(0.5, share, 100.0, 0.5), sizes(network))
     rays = weighted_rays(result)
@@ -48,6 +52,9 @@ def test_covariances_equal_those_of_dense_algebra(share):
     C = 0.5**2 / TERMS * np.kron((1 - share) * np.eye(photos) + share, np.eye(2 * TERMS))
     added, n = effect @ C @ effect.T, network.unknowns
     assert np.allclose(got.cofactor.variances - result.cofactor.variances, np.diag(added)[:n], rtol=1e-4)
+    # Of any two unknowns, also without common points.
+    spread = got.cofactor.times(np.eye(n)) - result.cofactor.times(np.eye(n))
+    assert np.allclose(spread, added[:n, :n], rtol=1e-3, atol=1e-4 * np.abs(added[:n, :n]).max())
     points = np.array([added[i : i + 3, i : i + 3] for i in range(n, len(added), 3)])
     assert np.allclose(got.point_covariance - result.point_covariance, points, rtol=1e-3, atol=1e-3 * np.abs(points).max())
     assert got.correlated.share == share and got.state is result.state

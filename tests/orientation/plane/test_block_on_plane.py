@@ -126,7 +126,7 @@ def test_a_project_on_a_plane_keeps_its_cameras_in_its_own_system():
     project = SimpleNamespace(crs="EPSG:2100", grid=GROUND, control=NoControl(kind="none"))
     items = list(
         OrientationStage().plan(
-            SimpleNamespace(project=project, has_stage=lambda kind: True, table=lambda table: SimpleNamespace(rays=100, photos=()))
+            SimpleNamespace(project=project, has_stage=lambda kind: True, table=lambda table: SimpleNamespace(rays=100))
         )
     )
     jobs = {item.item: item for item in items if isinstance(item, Job)}
