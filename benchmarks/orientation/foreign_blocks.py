@@ -83,14 +83,8 @@ SOURCES = {
 }
 """Where blocks come from: public repositories, folder; all of their photographs that a clone holds, in the order of their names."""
 REDUCED = "Photographs with a longer side of more than 1380 px were reduced to 1200 px (Lanczos, EXIF kept)."
-LOADED = (
-    "In one run with the peer, at 0d26e70, beside a dozen other processes: asteroid (kernels compiled as well), buddha, cathedral, "
-    "crazyhorse, hilti, mobilebrick, parkour, red_fountain, sample_mvs, snowpeak. The others in earlier states. Measured beside "
-    "twenty other processes, which makes CPU seconds two to three times as many: door_no_exif, house, lund_eleven, lund_ten, "
-    "lund_twelve, room, valley (its kernels were compiled as well); the peer of door_no_exif and of lund_eleven, lund_ten and "
-    "lund_twelve ran later."
-)
-"""In which state rows were measured, and which are to be measured again on a quiet machine"""
+MEASURED = "All rows and their peer in one run, at fe8967a: every folder at hand of up to thirty photographs, whatever came out."
+"""In which state rows were measured"""
 
 
 @dataclass(frozen=True)
@@ -222,7 +216,7 @@ def page(rows: dict[str, Row]) -> str:
         "|" + " --- |" * (HEAD.count("|") - 1),
         *map(line_of, own),
         "",
-        f"Where they come from (GitHub, folder). {REDUCED} {LOADED}",
+        f"Where they come from (GitHub, folder). {REDUCED} {MEASURED}",
         "",
         *(f"- {row.name}: {SOURCES.get(row.name, 'a folder of this machine')}" for row in own),
         "",

@@ -26,7 +26,7 @@ from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.volume.quality import box_sums
 
-SHARE = 0.55
+SHARE = 0.45
 """factor of the standard errors of matching: those of neighbouring nodes, between which a cell is interpolated, partly cancel"""
 _OF_STEP = 0.45
 """standard error of a height of the volume, share of the distance between its heights"""

@@ -37,6 +37,8 @@ RESERVED_WORTH = 1e-3
 """Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
 LAST_WORTH = 1e-6
 """Weight factor behind an estimated height: such a colour is used only where estimates stand in front of every photo."""
+MAY_WELL = 2.0
+"""Standard errors by which a height may well be higher or lower."""
 _WORTH = np.array(
     [LAST_WORTH if code == PlaceSight.BEHIND_ESTIMATE else float(code >= PlaceSight.AT_BREAK) for code in PlaceSight], np.float32
 )
@@ -182,6 +184,7 @@ def _scene(
     painted: np.ndarray,
     draped: np.ndarray,
     measured: np.ndarray,
+    spread: np.ndarray,
     extent: TileExtent,
     photos: list[BalancedPhotograph],
     showing: list[int],
@@ -190,6 +193,7 @@ def _scene(
     # Draped heights stand in the way as well, like estimates: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
     certain = HeightModel(np.where(measured, painted, np.float32(np.nan)), extent.dsm, extent.heights)
+    lowest = HeightModel(np.where(measured, painted - spread, np.float32(np.nan)), extent.dsm, extent.heights)
     # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
@@ -197,8 +201,8 @@ def _scene(
     ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = core.within(rim).slices
-    guessed = _at_pixels(draped, extent.heights, rim, extent.divisor)
-    places: SurfacePlaces = HeightPlaces(model, certain, targets, guessed, rules.tolerance)
+    guessed, above = (_at_pixels(cells, extent.heights, rim, extent.divisor) for cells in (draped, spread))
+    places: SurfacePlaces = HeightPlaces(model, lowest, targets, above, guessed, rules.tolerance)
     factors, breaks = [], []
     for k in showing:
         sight = places.sights(photos[k].view)
@@ -321,6 +325,7 @@ def _statistics(coverage: np.ndarray, rejected: np.ndarray, sources: np.ndarray,
 
 def texture_tile(
     heights: np.ndarray,
+    precision: np.ndarray,
     provenance: np.ndarray,
     block: Block,
     radiometry: Radiometry,
@@ -331,8 +336,9 @@ def texture_tile(
 ) -> OrthoTile:
     """One tile of the orthoimage.
 
-    heights (rows, cols) m, NaN in holes, and provenance codes at `extent.heights`; photos: pixels (rows, cols, bands) of
-    `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only for draping.
+    heights (rows, cols) m, NaN in holes, their standard errors among neighbours (m) and provenance codes at `extent.heights`;
+    photos: pixels (rows, cols, bands) of `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only
+    for draping.
     """
     painted = painted_heights(heights, extent, rules, ground)
     around = [
@@ -343,7 +349,9 @@ def texture_tile(
     showing = [around[k] for k in numbers]
     views = [photo.view for photo in showing]
     known = np.isfinite(heights)
-    scene = _scene(painted, ~known, np.isin(provenance, MEASURED) & known, extent, around, numbers, rules)
+    # The datum moves what hides and what is hidden alike: only errors among neighbours count.
+    spread = np.nan_to_num(np.float32(MAY_WELL) * precision)
+    scene = _scene(painted, ~known, np.isin(provenance, MEASURED) & known, spread, extent, around, numbers, rules)
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)

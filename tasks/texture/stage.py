@@ -22,6 +22,7 @@ from orthomill.schemas.surface import (
     ORTHO,
     PRECISION,
     PROVENANCE,
+    RELATIVE_PRECISION,
     SURFACE,
     Surface,
     points_table,
@@ -269,7 +270,8 @@ def _relief(dsm: MapGrid, size: int, heights: str, draped: bool) -> Iterator[Job
 
 def _ortho_job(tile: Tile, heights: str, extent: TileExtent, rules: TextureRules, draped: bool) -> Job:
     rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
-    reads = {**_reads(heights, extent), "provenance": Raster(PROVENANCE, extent.heights), "radiometry": RADIOMETRY}
+    codes = {"precision": Raster(RELATIVE_PRECISION, extent.heights), "provenance": Raster(PROVENANCE, extent.heights)}
+    reads: dict[str, Region | tuple[Region, ...]] = {**_reads(heights, extent), **codes, "radiometry": RADIOMETRY}
     if draped:
         reads["ground"] = Raster(GROUND, extent.ground)
     return Job(
@@ -337,8 +339,9 @@ def _scratch(extent: TileExtent) -> int:
     photos = len(extent.photos)
     cells = extent.heights.height * extent.heights.width
     pixels = extent.window.height * extent.window.width
-    # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part.
-    return (32 + 40) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+    # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part, as they
+    # are and as low as they may well be.
+    return (32 + 52) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
 
 
 def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:

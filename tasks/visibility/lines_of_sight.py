@@ -1,8 +1,9 @@
 """What a photograph sees of a surface whose heights are not all worth the same: estimates hide less than measurements.
 
 An estimated height may be metres too high. A photograph that it seems to hide a place from is therefore not lost: it is set back
-behind those that see the place freely, and serves where none does. A measured surface hides for certain, unless the place itself
-has no height but one that was guessed: it may as well lie above what seems to hide it.
+behind those that see the place freely, and serves where none does. A measured surface hides for certain what lies deeper behind it
+than the standard errors of both explain, for noise alone puts half of all heights behind others; unless the place itself has no
+height but one that was guessed: it may as well lie above what seems to hide it.
 
 The depth in a photograph breaks where places beside each other are seen and hidden: on the edge of what hides, and where its shadow
 ends.
@@ -24,7 +25,7 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 @njit(cache=True)
 def _fill_codes(known, inside, free, passing, out):
     """Codes of places (rows, cols) without regard to breaks; all bool: with a height, in the frame, free, and free but for
-    estimates."""
+    what may not be there."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             if not inside[i, j]:
@@ -39,14 +40,16 @@ def _fill_codes(known, inside, free, passing, out):
 class HeightPlaces:
     """Places on a height model, as a grid.
 
-    `surface`: all heights; `measured`: the same model with NaN where heights are not measured; `targets` (R, C); `guessed` (R, C)
-    bool: those whose height is neither measured nor estimated; `tolerance` (m) as in `visible_targets`. A place is beside a break
-    if one of its eight neighbours in the grid is hidden: the grid should be about as dense as the pixels of the photographs.
+    `surface`: all heights; `certain`: the same model as low as its measured heights may well be, NaN where they are not measured;
+    `targets` (R, C); `above` (R, C) m: how much higher these may well be; `guessed` (R, C) bool: those whose height is neither
+    measured nor estimated; `tolerance` (m) as in `visible_targets`. A place is beside a break if one of its eight neighbours in
+    the grid is hidden: the grid should be about as dense as the pixels of the photographs.
     """
 
     surface: HeightModel
-    measured: HeightModel
+    certain: HeightModel
     targets: Targets
+    above: np.ndarray
     guessed: np.ndarray
     tolerance: float
 
@@ -56,8 +59,8 @@ class HeightPlaces:
         shown = replace(self.targets, z=np.where(inside, z, np.float32(np.nan)))
         free = visible_targets(self.surface, view, shown, self.tolerance) > 0
         # Only what something hides is asked again: a few per cent of the ground.
-        behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z))
-        passing = visible_targets(self.measured, view, behind, self.tolerance) > 0
+        behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z + self.above))
+        passing = visible_targets(self.certain, view, behind, self.tolerance) > 0
         out = np.empty(z.shape, np.uint8)
         _fill_codes(np.isfinite(z), inside, free, passing | self.guessed, out)
         hidden = (out == PlaceSight.HIDDEN) | (out == PlaceSight.BEHIND_ESTIMATE)

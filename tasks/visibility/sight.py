@@ -26,7 +26,7 @@ class PlaceSight(IntEnum):
     """the surface shows its back"""
     HIDDEN = 4
     BEHIND_ESTIMATE = 5
-    """hidden by heights that are only estimated"""
+    """hidden by heights that are only estimated, or by less than heights are uncertain"""
     AT_BREAK = 6
     """seen next to a break of the depth in the photograph"""
     SEEN = 7

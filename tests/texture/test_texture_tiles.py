@@ -62,6 +62,7 @@ def make(
     model: np.ndarray | None = None,
     sources=SOURCES,
     provenance=None,
+    precision=0.0,
 ):
     """The whole orthoimage from tiles: rasters by name, and the statistics of the tiles."""
     model = heights() if model is None else model
@@ -73,6 +74,7 @@ def make(
         extent = tile_extent(shape, ORTHO, t.window, sources, rules.halo, rules.around)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
         own, blocks = (model[extent.heights.slices], codes[extent.heights.slices]), ground[extent.ground.slices]
+        own = own[0], np.full_like(own[0], precision), own[1]
         result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)
         statistics.append(result.statistics)
         for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):

@@ -20,12 +20,16 @@ CAMERA = replace(view("a"), centre=np.array([20.0, 60.0, 40.0]), camera=LENS.mod
 ROW = int(DSM.pixel(20.0, 60.0)[1])
 
 
-def seen(z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None) -> np.ndarray:
-    """Sight of all cell centres of a model of which `measured` (bool) says what is no estimate."""
+def seen(
+    z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None, spread: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Sight of all cell centres of a model of which `measured` (bool) says what is no estimate, and `spread` (m) by how much it
+    may well be higher or lower."""
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))
-    model = HeightModel(z, DSM, WHOLE)
-    certain = HeightModel(np.where(measured, z, np.float32(np.nan)), DSM, WHOLE)
-    return HeightPlaces(model, certain, targets, np.zeros(z.shape, bool) if guessed is None else guessed, 0.2).sights(CAMERA)
+    model, spread = HeightModel(z, DSM, WHOLE), np.broadcast_to(np.float32(spread), z.shape)
+    certain = HeightModel(np.where(measured, z - spread, np.float32(np.nan)), DSM, WHOLE)
+    guessed = np.zeros(z.shape, bool) if guessed is None else guessed
+    return HeightPlaces(model, certain, targets, spread, guessed, 0.2).sights(CAMERA)
 
 
 def wall(col: int = 60) -> np.ndarray:
@@ -59,6 +63,25 @@ def test_an_estimate_is_hidden_by_what_is_measured():
     z, measured = wall(), np.ones((120, 120), bool)
     measured[:, 62:] = False
     assert (seen(z, measured)[ROW, 64:70] == PlaceSight.HIDDEN).all()
+
+
+def test_noise_of_measured_heights_hides_nothing_for_certain():
+    """A low ridge between two cells of a rough surface is as high as its standard errors: what lies behind it keeps its photos."""
+    z, measured = np.zeros((120, 120), np.float32), np.ones((120, 120), bool)
+    z[:, 61::2] = 1.2
+    assert (seen(z, measured)[ROW, 62:100:2] == PlaceSight.HIDDEN).all()
+    assert (seen(z, measured, spread=0.6)[ROW, 62:100:2] == PlaceSight.BEHIND_ESTIMATE).all()
+
+
+def test_a_wall_hides_what_its_standard_errors_do_not_explain():
+    assert (seen(wall(), np.ones((120, 120), bool), spread=0.6)[ROW, 64:70] == PlaceSight.HIDDEN).all()
+
+
+def test_a_place_that_may_lie_higher_is_hidden_by_nothing_for_certain():
+    measured, spread = np.ones((120, 120), bool), np.zeros((120, 120), np.float32)
+    spread[:, 66:] = 12.0
+    found = seen(wall(), measured, spread=spread)[ROW]
+    assert (found[64:66] == PlaceSight.HIDDEN).all() and (found[66:70] == PlaceSight.BEHIND_ESTIMATE).all()
 
 
 def test_a_guessed_height_is_hidden_by_nothing_for_certain():
