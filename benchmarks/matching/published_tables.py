@@ -29,7 +29,7 @@ from benchmarks.matching.matching_surfaces import (
 )
 from benchmarks.matching.matching_windows import strategy_page, window_page
 from benchmarks.matching.matching_workers import workers_page
-from benchmarks.measured_run import ROOT, machine, write_result
+from benchmarks.measured_run import ROOT, machine, revision, write_result
 
 KEPT = ROOT / ".cache" / "matching"
 TITLES = {
@@ -84,7 +84,7 @@ def page(folder: Path, notes: str) -> str:
     lines = [
         "# Least-squares matching: the published experiments",
         "",
-        f"`make bench-matching`; {machine()}. CPU times were taken beside other work; accuracy does not depend on it.",
+        "`make bench-matching`. CPU times were taken beside other work; accuracy does not depend on it.",
         "",
         notes.rstrip(),
         "",
@@ -102,7 +102,9 @@ def main(words: list[str] | None = None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     measure = sections(options)
     for name in options.sections:
-        (folder / f"{name}.md").write_text("\n".join(measure[name]()) + "\n")
+        # A page is made in pieces: each tells for itself where and when it was measured.
+        lines = [f"Measured at {revision()} on {machine()}.", "", *measure[name]()]
+        (folder / f"{name}.md").write_text("\n".join(lines) + "\n")
         print(f"{name} is measured", flush=True)
     notes = (Path(__file__).parent / "matching_notes.md").read_text()
     if options.quick:
