@@ -26,7 +26,7 @@ from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PROVENANCE, SURFACE, Provenance, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.evaluation.classes import place_classes
 from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoScene, fit_grey, fitted, grey_sums, shifts
@@ -38,6 +38,7 @@ from orthomill.tasks.texture.stage import TextureStage
 
 TILE = 512
 WORKER = Path(__file__).with_name("orthority_worker.py")
+SURFACE_RASTERS = HEIGHT, CORRECTED, RELATIVE_PRECISION, PROVENANCE
 CROP = 0.4
 """share of the side of the surface whose shift is measured, around its middle"""
 
@@ -125,10 +126,10 @@ def _write(path: Path, values: np.ndarray, crs: str | None = None, grid: MapGrid
 def own_speed(name: str, store: Store, folder: Path, balance: Balance) -> tuple[Speed, float]:
     """orthomill's speed, and the cell of its orthoimage (m)."""
     # The peer reads plain files: decoding the chunks of the store is no part of making an orthoimage.
-    names = [name for name in store.names() if name.startswith("photos/")]
-    photos = {name: store.read(name, store.spec(name).full) for name in names}
-    texture_run(store, **photos).run(TextureStage(balance=balance), crop=Window(0, 0, 1, 1))  # compiles
-    run = texture_run(store, **photos)
+    names = [name for name in store.names() if name.startswith("photos/") or name in SURFACE_RASTERS]
+    rasters = {name: store.read(name, store.spec(name).full) for name in names}
+    texture_run(store, **rasters).run(TextureStage(balance=balance), crop=Window(0, 0, 1, 1))  # compiles
+    run = texture_run(store, **rasters)
     run.run(TextureStage(balance=balance))
     started = time.process_time()
     surface = store.table(SURFACE)
@@ -185,7 +186,7 @@ def shift_rows(store: Store) -> Iterator[str]:
     true_heights = store.read(TRUTH_SURFACE, Window(*corner, *grid.shape)).astype(np.float32)
     codes = np.full(grid.shape, Provenance.AGREED, np.uint8)
     measured = {"heights": "measured", "surface": surface, "crop": crop, "over": {}}
-    given = {HEIGHT: true_heights, CORRECTED: true_heights, PROVENANCE: codes}
+    given = {HEIGHT: true_heights, CORRECTED: true_heights, PROVENANCE: codes, RELATIVE_PRECISION: np.zeros_like(true_heights)}
     fine_surface = Surface(grid=grid, height_low=surface.height_low, height_high=surface.height_high)
     true = {"heights": "true", "surface": fine_surface, "crop": crop.scaled(fine), "over": given}
     place = crop.scaled(fine).clipped(own.shape)
