@@ -20,9 +20,7 @@ CAMERA = replace(view("a"), centre=np.array([20.0, 60.0, 40.0]), camera=LENS.mod
 ROW = int(DSM.pixel(20.0, 60.0)[1])
 
 
-def seen(
-    z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None, spread: np.ndarray | float = 0.0
-) -> np.ndarray:
+def seen(z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None, spread: np.ndarray | float = 0.0) -> np.ndarray:
     """Sight of all cell centres of a model of which `measured` (bool) says what is no estimate, and `spread` (m) by how much it
     may well be higher or lower."""
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))

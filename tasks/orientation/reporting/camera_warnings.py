@@ -7,6 +7,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed
+from orthomill.schemas.orientation import ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import is_guessed
 from orthomill.tasks.geometry.camera_change import sensor_name
 from orthomill.tasks.orientation.reporting.block_facts import Facts
@@ -31,20 +32,22 @@ def camera_warnings(facts: Facts) -> Iterator[str]:
 
 
 def _correlation_warnings(facts: Facts) -> Iterator[str]:
-    """One sentence for all cameras whose parameters are correlated, and one for each correlation with the flying height."""
+    """One sentence for all cameras whose parameters are correlated, one for each parameter that several cameras share so, and one
+    for each correlation with the flying height."""
     within: dict[str, list[str]] = {}
+    across: dict[str, list[ParameterCorrelation]] = {}
     for c in facts.precision.correlations:
         # The mean height is one "of the projection centres", which no camera is called.
         (first, _, camera), (second, _, other) = c.first.partition(" of "), c.second.partition(" of ")
         if camera == other:
             within.setdefault(camera, []).append(f"{first} and {second} ({c.value:.2f})")
+        elif "height" not in c.second:
+            across.setdefault(first if first == second else f"{first}, {second}", []).append(c)
         # Which way is up is arbitrary in a block without datum.
-        elif "height" not in c.second or not facts.without_datum:
-            advice = " Control at different heights, or oblique photographs, would separate them." if "height" in c.second else ""
-            yield (
-                f"{c.first} and {c.second} can hardly be distinguished (correlation {c.value:.2f}): neither value is to be used "
-                f"without the other.{advice}"
-            )
+        elif not facts.without_datum:
+            yield _pair_sentence(c) + " Control at different heights, or oblique photographs, would separate them."
+    for name, pairs in across.items():
+        yield _pair_sentence(pairs[0]) if len(pairs) == 1 else _sentence_of_cameras(name, pairs)
     end = "Their values are not to be used one without the other; together they are as good as their residuals."
     if len(within) == 1:
         ((camera, pairs),) = within.items()
@@ -54,6 +57,24 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
             [f"{camera} ({', '.join(pair.replace(' (', ' ').rstrip(')') for pair in own)})" for camera, own in within.items()]
         )
         yield f"Parameters of {len(within)} cameras can hardly be distinguished: {listed}. {end}"
+
+
+def _pair_sentence(c: ParameterCorrelation) -> str:
+    return (
+        f"{c.first} and {c.second} can hardly be distinguished (correlation {c.value:.2f}): neither value is to be used without "
+        "the other."
+    )
+
+
+def _sentence_of_cameras(name: str, pairs: list[ParameterCorrelation]) -> str:
+    """Of ten cameras over one place up to 45 pairs move together: that is one thing to know."""
+    cameras = dict.fromkeys(one.partition(" of ")[2] for c in pairs for one in (c.first, c.second))
+    least, most = (f"{share(abs(c.value) for c in pairs):.2f}" for share in (min, max))
+    values = least if least == most else f"{least} to {most}"
+    return (
+        f"{name} of {len(cameras)} cameras can hardly be distinguished from each other (correlations of {values} in {len(pairs)} "
+        f"pairs): no value is to be used without the others. They are {some_of(list(cameras))}."
+    )
 
 
 def _unadjusted(facts: Facts, cameras: dict[str, tuple[Camera, Camera]]) -> Iterator[str]:

@@ -133,6 +133,14 @@ def test_a_correlation_between_cameras_gives_no_advice_on_heights(with_precision
     assert "heights" not in found
 
 
+def test_parameters_that_many_cameras_share_are_one_sentence(with_precision):
+    names = "abcd"
+    pairs = tuple(correlation(f"c of {one}", f"c of {other}") for k, one in enumerate(names) for other in names[k + 1 :])
+    (found,) = block_warnings(with_precision(correlations=pairs))
+    assert found.startswith("c of 4 cameras can hardly be distinguished from each other") and "in 6 pairs" in found
+    assert found.endswith("They are a, b, c, d.")
+
+
 def test_a_camera_from_exif_that_was_not_adjusted_is_named(facts):
     nominal = facts.before.cameras["cam"].model_copy(update={"source": "exif"})
     before = facts.before.model_copy(update={"cameras": {"cam": nominal}})
