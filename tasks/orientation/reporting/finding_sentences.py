@@ -189,21 +189,16 @@ def constant_contradicted(finding: ConstantContradicted) -> str:
     if finding.guessed and not finding.fixed:
         return (
             f"No tag tells the camera constant of {finding.camera}: {finding.given_px:.0f} px were guessed, "
-            f"{finding.adjusted_px:.0f} px (standard error {_digits(finding.sigma_px)} px) fit and were used. Give it, or "
+            f"{finding.adjusted_px:.0f} px (standard error {_rounded(finding.sigma_px)} px) fit and were used. Give it, or "
             "calibrate the camera."
         )
     # With a fixed interior orientation the workflow decides, and the finding only reports.
     end = "but the workflow fixes it" if finding.fixed else "which was used"
     return (
         f"The block contradicts the camera constant of {finding.camera}: {finding.given_px:.0f} px were given, "
-        f"{finding.adjusted_px:.0f} px (standard error {_digits(finding.sigma_px)} px) fit, {end}. Look for a wrong focal length, "
+        f"{finding.adjusted_px:.0f} px (standard error {_rounded(finding.sigma_px)} px) fit, {end}. Look for a wrong focal length, "
         "zoom or photograph size, or calibrate the camera."
     )
-
-
-def _digits(sigma: float) -> str:
-    # Two significant digits at most: a standard error has no more.
-    return f"{sigma:.0f}" if sigma >= 1.0 else f"{sigma:.2g}"
 
 
 @finding_sentence.register
@@ -248,21 +243,21 @@ def image_errors_correlated(finding: ImageErrorsCorrelated) -> str:
     )
     # Residuals of a tenth of a pixel beside displacements of a whole one look like a mistake of the report.
     what = (
-        f"whole regions of a photograph are displaced by {_short(finding.rms_px)} px on average, {whose}"
+        f"whole regions of a photograph are displaced by {_rounded(finding.rms_px)} px on average, {whose}"
         if finding.shown_px is None or finding.rms_px < HIDDEN * finding.shown_px
-        else f"residuals of whole regions of a photograph are alike by {_short(finding.shown_px)} px, {whose}, and are what is "
-        f"left of displacements by about {_short(finding.rms_px)} px, most of which the orientation and the camera can absorb"
+        else f"residuals of whole regions of a photograph are alike by {_rounded(finding.shown_px)} px, {whose}, and are what is "
+        f"left of displacements by about {_rounded(finding.rms_px)} px, most of which the orientation and the camera can absorb"
     )
     unit = " px" if finding.parameter in IN_PIXELS else ""
     return (
         f"Correlated image errors: {what}. The standard errors include them: {finding.parameter} of {finding.owner} is known to "
-        f"{_short(finding.sigma)}{unit}, not to {_short(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
+        f"{_rounded(finding.sigma)}{unit}, not to {_rounded(finding.white_sigma)}{unit}. Calibrate the camera, or turn some "
         "photographs by 90 degrees."
     )
 
 
-def _short(value: float) -> str:
-    """Two digits, not 3e+02 for hundreds, nor 0.00 for thousandths."""
+def _rounded(value: float) -> str:
+    """Two digits: not 3e+02 for hundreds, nor 0.00 for thousandths; a standard error has no more digits."""
     return f"{float(f'{value:.2g}'):g}"
 
 
