@@ -46,8 +46,8 @@ def _correlation_warnings(facts: Facts) -> Iterator[str]:
         # Which way is up is arbitrary in a block without datum.
         elif not facts.without_datum:
             yield _pair_sentence(c) + " Control at different heights, or oblique photographs, would separate them."
-    for name, pairs in across.items():
-        yield _pair_sentence(pairs[0]) if len(pairs) == 1 else _sentence_of_cameras(name, pairs)
+    for name, alike in across.items():
+        yield _pair_sentence(alike[0]) if len(alike) == 1 else _sentence_of_cameras(name, alike)
     end = "Their values are not to be used one without the other; together they are as good as their residuals."
     if len(within) == 1:
         ((camera, pairs),) = within.items()
