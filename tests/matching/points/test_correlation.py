@@ -99,6 +99,23 @@ def test_matching_back_rejects_what_is_seen_once_only():
     assert (back.outcome[rejected] == Outcome.INCONSISTENT).all()
 
 
+def test_matching_back_leaves_fewer_wrong_matches_on_a_periodic_texture():
+    """Check 6 of the method page: nearly the same pattern every 20 px, searched over five periods."""
+    periodic = np.tile(texture(3, (20, 20), 1.0), (8, 9)) + 0.08 * (texture(4) - 120.0)
+    left, right = (periodic + np.random.default_rng(seed).normal(0, 6.0, periodic.shape) for seed in (0, 1))
+    right = moved(right, 3.0, -2.0)
+    points = np.array([(col, row) for col in range(65, 116, 3) for row in range(62, 98, 3)], dtype=float)
+    wide = TemplateCorrelation(template=15, search=115, min_correlation=0.5, max_return=None)
+
+    def right_and_wrong(chosen: TemplateCorrelation) -> tuple[int, int]:
+        found = correlate(left, right, points, points, chosen)
+        apart = np.hypot(found.col - points[:, 0] - 3.0, found.row - points[:, 1] + 2.0)[found.converged]
+        return int((apart < 1.0).sum()), int((apart >= 1.0).sum())
+
+    (kept, wrong), (left_over, still_wrong) = map(right_and_wrong, (wide, wide.model_copy(update={"max_return": 2.0})))
+    assert wrong > 0.3 * len(points) and still_wrong < 0.3 * wrong and left_over > 0.7 * kept
+
+
 def test_a_repeated_pattern_ends_where_it_should_when_the_search_window_is_narrow():
     image = np.tile(texture(3, (20, 20), 1.0), (8, 8))
     found = correlate(image, image, np.array([[70.0, 70.0]]), np.array([[72.0, 69.0]]), TemplateCorrelation(template=15, search=31))
