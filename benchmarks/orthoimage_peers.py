@@ -39,6 +39,7 @@ from orthomill.tasks.texture.stage import TextureStage
 TILE = 512
 WORKER = Path(__file__).with_name("orthority_worker.py")
 SURFACE_RASTERS = HEIGHT, CORRECTED, RELATIVE_PRECISION, PROVENANCE
+"""what the stage reads of the surface"""
 CROP = 0.4
 """share of the side of the surface whose shift is measured, around its middle"""
 

@@ -14,7 +14,8 @@ Of a measured height also:
 Of an estimate also:
 - the distance to heights that were measured: where photographs disagree something stands or moves, about as high as it is wide.
 
-The numbers below were fitted to the west half of a simulated scene and tested on the east half and on another scene (benchmarks).
+The numbers below were fitted to the west half of a simulated scene and tested on the east half and on another scene (benchmarks);
+but for SHARE, which was set with all of them and with disjoint strips of a real block in view.
 """
 
 import cv2

@@ -36,7 +36,7 @@ STRIP = 64
 RESERVED_WORTH = 1e-3
 """Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
 LAST_WORTH = 1e-6
-"""Weight factor behind an estimated height: such a colour is used only where estimates stand in front of every photo."""
+"""Weight factor behind what may not be there: such a colour is used only where that stands in front of every photo."""
 MAY_WELL = 2.0
 """Standard errors by which a height may well be higher or lower."""
 _WORTH = np.array(
@@ -182,7 +182,6 @@ def _showing(painted: np.ndarray, extent: TileExtent, photos: list[BalancedPhoto
 
 def _scene(
     painted: np.ndarray,
-    draped: np.ndarray,
     measured: np.ndarray,
     spread: np.ndarray,
     extent: TileExtent,
@@ -193,7 +192,7 @@ def _scene(
     # Draped heights stand in the way as well, like estimates: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
     certain = HeightModel(np.where(measured, painted, np.float32(np.nan)), extent.dsm, extent.heights)
-    lowest = HeightModel(np.where(measured, painted - spread, np.float32(np.nan)), extent.dsm, extent.heights)
+    lowest = replace(certain, heights=certain.heights - spread)
     # Occlusions outside the tile reduce weights inside it, so visibility is computed on a larger window.
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
@@ -201,8 +200,8 @@ def _scene(
     ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = core.within(rim).slices
-    guessed, above = (_at_pixels(cells, extent.heights, rim, extent.divisor) for cells in (draped, spread))
-    places: SurfacePlaces = HeightPlaces(model, lowest, targets, above, guessed, rules.tolerance)
+    above = _at_pixels(spread, extent.heights, rim, extent.divisor)
+    places: SurfacePlaces = HeightPlaces(model, lowest, targets, above, rules.tolerance)
     factors, breaks = [], []
     for k in showing:
         sight = places.sights(photos[k].view)
@@ -349,9 +348,9 @@ def texture_tile(
     showing = [around[k] for k in numbers]
     views = [photo.view for photo in showing]
     known = np.isfinite(heights)
-    # The datum moves what hides and what is hidden alike: only errors among neighbours count.
-    spread = np.nan_to_num(np.float32(MAY_WELL) * precision)
-    scene = _scene(painted, ~known, np.isin(provenance, MEASURED) & known, spread, extent, around, numbers, rules)
+    # The datum moves what hides and what is hidden alike: only errors among neighbours count. Draped heights are guessed.
+    spread = np.where(known, np.nan_to_num(np.float32(MAY_WELL) * precision), np.float32(np.inf))
+    scene = _scene(painted, np.isin(provenance, MEASURED) & known, spread, extent, around, numbers, rules)
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)

@@ -2,8 +2,8 @@
 
 An estimated height may be metres too high. A photograph that it seems to hide a place from is therefore not lost: it is set back
 behind those that see the place freely, and serves where none does. A measured surface hides for certain what lies deeper behind it
-than the standard errors of both explain, for noise alone puts half of all heights behind others; unless the place itself has no
-height but one that was guessed: it may as well lie above what seems to hide it.
+than the standard errors of both explain, for noise alone puts half of all heights behind others. A place whose height was guessed
+may as well lie above whatever seems to hide it.
 
 The depth in a photograph breaks where places beside each other are seen and hidden: on the edge of what hides, and where its shadow
 ends.
@@ -41,16 +41,15 @@ class HeightPlaces:
     """Places on a height model, as a grid.
 
     `surface`: all heights; `certain`: the same model as low as its measured heights may well be, NaN where they are not measured;
-    `targets` (R, C); `above` (R, C) m: how much higher these may well be; `guessed` (R, C) bool: those whose height is neither
-    measured nor estimated; `tolerance` (m) as in `visible_targets`. A place is beside a break if one of its eight neighbours in
-    the grid is hidden: the grid should be about as dense as the pixels of the photographs.
+    `targets` (R, C); `above` (R, C) m: how much higher these may well be, infinite where the height is neither measured nor
+    estimated; `tolerance` (m) as in `visible_targets`. A place is beside a break if one of its eight neighbours in the grid is
+    hidden: the grid should be about as dense as the pixels of the photographs.
     """
 
     surface: HeightModel
     certain: HeightModel
     targets: Targets
     above: np.ndarray
-    guessed: np.ndarray
     tolerance: float
 
     def sights(self, view: View) -> np.ndarray:
@@ -62,7 +61,7 @@ class HeightPlaces:
         behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z + self.above))
         passing = visible_targets(self.certain, view, behind, self.tolerance) > 0
         out = np.empty(z.shape, np.uint8)
-        _fill_codes(np.isfinite(z), inside, free, passing | self.guessed, out)
+        _fill_codes(np.isfinite(z), inside, free, passing | np.isinf(self.above), out)
         hidden = (out == PlaceSight.HIDDEN) | (out == PlaceSight.BEHIND_ESTIMATE)
         if hidden.any():
             out[free & (cv2.dilate(hidden.astype(np.uint8), _NEIGHBOURS) > 0)] = PlaceSight.AT_BREAK

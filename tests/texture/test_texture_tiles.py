@@ -73,9 +73,9 @@ def make(
     for t in tiles_of(ORTHO.shape, tile):
         extent = tile_extent(shape, ORTHO, t.window, sources, rules.halo, rules.around)
         pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
-        own, blocks = (model[extent.heights.slices], codes[extent.heights.slices]), ground[extent.ground.slices]
-        own = own[0], np.full_like(own[0], precision), own[1]
-        result = texture_tile(*own, block(), radiometry, pixels, extent, rules, blocks)
+        own, blocks = model[extent.heights.slices], ground[extent.ground.slices]
+        cells = own, np.full_like(own, precision), codes[extent.heights.slices]
+        result = texture_tile(*cells, block(), radiometry, pixels, extent, rules, blocks)
         statistics.append(result.statistics)
         for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):
             rasters.setdefault(name, np.zeros((*ORTHO.shape, *values.shape[2:]), values.dtype))[t.window.slices] = values
@@ -286,6 +286,17 @@ def test_where_only_an_estimate_hides_the_ground_it_has_its_colour(photos, radio
     shown, (honest,) = make(photos, radiometry, model=wrong, provenance=codes)
     assert np.abs(shown["ortho"][inside][..., :3] - true_ortho()[inside]).max() < 20
     assert honest.hidden == ortho[1][0].hidden < statistics.hidden
+
+
+def test_noise_of_measured_heights_leaves_no_specks(photos, radiometry):
+    """Single cells that are too low lie behind their neighbours in every photo: their standard errors give them a colour."""
+    rough = heights()
+    rough[84:103:3, 14:33:3] -= 4.0
+    pits = np.s_[168:206, 28:66]
+    certain, _ = make(photos, radiometry, model=rough)
+    noisy, _ = make(photos, radiometry, model=rough, precision=1.5)
+    assert (certain["ortho"][pits][..., 3] == 0).mean() > 0.03
+    assert (noisy["ortho"][pits][..., 3] == 255).all()
 
 
 def test_a_photo_behind_an_estimate_serves_only_where_no_other_sees_the_place(photos, radiometry):

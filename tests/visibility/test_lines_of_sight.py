@@ -26,8 +26,8 @@ def seen(z: np.ndarray, measured: np.ndarray, guessed: np.ndarray | None = None,
     targets = Targets(INDEX, INDEX, z, np.zeros_like(z))
     model, spread = HeightModel(z, DSM, WHOLE), np.broadcast_to(np.float32(spread), z.shape)
     certain = HeightModel(np.where(measured, z - spread, np.float32(np.nan)), DSM, WHOLE)
-    guessed = np.zeros(z.shape, bool) if guessed is None else guessed
-    return HeightPlaces(model, certain, targets, spread, guessed, 0.2).sights(CAMERA)
+    above = spread if guessed is None else np.where(guessed, np.float32(np.inf), spread)
+    return HeightPlaces(model, certain, targets, above, 0.2).sights(CAMERA)
 
 
 def wall(col: int = 60) -> np.ndarray:

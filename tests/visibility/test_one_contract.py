@@ -38,7 +38,7 @@ def points(z: np.ndarray) -> np.ndarray:
 def as_heights(z: np.ndarray, photo) -> SurfacePlaces:
     index = np.arange(DSM.rows)
     model = HeightModel(z, DSM, WHOLE)
-    return HeightPlaces(model, model, Targets(index, index, z, SLOPES), np.zeros_like(z), np.zeros(z.shape, bool), 0.3)
+    return HeightPlaces(model, model, Targets(index, index, z, SLOPES), np.zeros_like(z), 0.3)
 
 
 def as_mesh(z: np.ndarray, photo) -> SurfacePlaces:
