@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import RESULTS, machine, orthomill, write_result
+from benchmarks.measured_run import RESULTS, machine, orthomill, revision, write_result
 from benchmarks.orientation.orientation_truth import mean_residual
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.schemas.orientation import Block, SeparateBlocks
@@ -82,15 +82,14 @@ SOURCES = {
 }
 """Where blocks come from: public repositories, folder; all of their photographs that a clone holds, in the order of their names."""
 REDUCED = "Photographs with a longer side of more than 1380 px were reduced to 1200 px (Lanczos, EXIF kept)."
-MEASURED = "All rows and their peer in one run, at fe8967a: every folder at hand of up to thirty photographs, whatever came out."
-"""In which state rows were measured"""
+CHOSEN = "Every folder at hand of up to thirty photographs, whatever came out."
 
 
 @dataclass(frozen=True)
 class Row:
     """One folder: its `name`, number of `photos`, how many are `oriented`, groups of their own (`apart`), sigma0 and the mean
-    residual in px, iterations, CPU seconds; photographs, mean residual and CPU seconds of the peer (-1: not run); the warnings of
-    the report, or how the run failed (`said`)."""
+    residual in px, iterations, CPU seconds; photographs, mean residual and CPU seconds of the peer (-1: not run); the commit that
+    was measured (`state`); the warnings of the report, or how the run failed (`said`)."""
 
     name: str
     photos: int
@@ -103,6 +102,7 @@ class Row:
     peer_oriented: int = -1
     peer_px: float = 0.0
     peer_cpu: float = 0.0
+    state: str = ""
     said: str = ""
 
 
@@ -215,7 +215,7 @@ def page(rows: dict[str, Row]) -> str:
         "|" + " --- |" * (HEAD.count("|") - 1),
         *map(line_of, own),
         "",
-        f"Where they come from (GitHub, folder). {REDUCED} {MEASURED}",
+        f"Where they come from (GitHub, folder). {REDUCED} {CHOSEN} {_states(own)}",
         "",
         *(f"- {row.name}: {SOURCES.get(row.name, 'a folder of this machine')}" for row in own),
         "",
@@ -224,6 +224,16 @@ def page(rows: dict[str, Row]) -> str:
         *(line for row in own for line in _said(row)),
     ]
     return "\n".join(text).rstrip() + "\n"
+
+
+def _states(rows: list[Row]) -> str:
+    """At which commits the rows were measured."""
+    names: dict[str, list[str]] = {}
+    for row in rows:
+        names.setdefault(row.state, []).append(row.name)
+    most = max(names, key=lambda state: len(names[state]), default="")
+    others = "".join(f"; at {state}: {', '.join(own)}" for state, own in names.items() if state != most)
+    return f"Measured at {most}{others}."
 
 
 def _said(row: Row) -> Iterator[str]:
@@ -242,7 +252,7 @@ def main() -> None:
     if "compiled" not in sys.argv:
         row_of(folders[0])
     for folder in folders:
-        row = row_of(folder)
+        row = replace(row_of(folder), state=revision())
         rows = rows_before()
         beside = rows.get(row.name, row)
         kept = {"peer_oriented": beside.peer_oriented, "peer_px": beside.peer_px, "peer_cpu": beside.peer_cpu}
