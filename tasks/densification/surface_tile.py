@@ -13,6 +13,7 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
 from orthomill.tasks.densification.completion import Completion, VolumeWindow, completed
 from orthomill.tasks.densification.datum_precision import datum_precision
+from orthomill.tasks.densification.estimate_errors import CODE_REACH, groundless, with_distance
 from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill, without
 from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
 from orthomill.tasks.densification.gridding import Gridding, TargetCells, grid_nodes
@@ -21,15 +22,9 @@ from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import (
-    CODE_REACH,
-    REACH,
-    groundless,
-    relative_precision,
-    window_doubt,
-    with_distance,
-)
+from orthomill.tasks.densification.standard_errors import REACH, relative_precision
 from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.wall_blind_errors import wall_blind_precision
 
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""
@@ -163,9 +158,10 @@ def finished_cells(
     measured: the cells `tile.work` with what matching found; spiky (rows, cols) bool: those that were removed as spikes.
     """
     grid = tile.surface.grid
-    relative = relative_precision(measured, volume, tile.step)
     if tile.window_cells:
-        relative = np.hypot(relative, window_doubt(measured.height, tile.window_cells))
+        relative = wall_blind_precision(measured, volume, tile.step, tile.window_cells)
+    else:
+        relative = relative_precision(measured, volume, tile.step)
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)

@@ -7,13 +7,14 @@ from village_pair import LEVEL_GRID, level_nodes, level_pair, surface_tile
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import Completion, VolumeWindow
+from orthomill.tasks.densification.estimate_errors import CODE_REACH
 from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly
 from orthomill.tasks.densification.fusion import Fusion
 from orthomill.tasks.densification.gridding import Gridding
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.spike_filter import SpikeFilter
-from orthomill.tasks.densification.standard_errors import CODE_REACH, REACH, SHARE
+from orthomill.tasks.densification.standard_errors import REACH, SHARE
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import (
     CLASSES,
@@ -23,6 +24,7 @@ from orthomill.tasks.densification.surface_tile import (
     sum_surface,
     surface_scratch,
 )
+from orthomill.tasks.densification.volume.quality import Judgement
 
 MEASURED_ONLY = MeasuredOnly(kind="none")
 
@@ -35,8 +37,10 @@ RULES = rules_of()
 
 
 def surface_of_tile(tile, rules, nodes=(), volume=None):
-    """The tile over a volume, by default one that knows nothing."""
-    volume = volume or VolumeWindow.unknown(tile.work.shape)
+    """The tile over a volume, by default one that knows no heights and no rivals of any."""
+    if volume is None:
+        volume = VolumeWindow.unknown(tile.work.shape)
+        volume.judgement[..., Judgement.STANDING] = 250
     return make_surface(tile, rules, *volume, iter(nodes))
 
 

@@ -1,0 +1,56 @@
+"""Standard errors of estimates: their distance to what was measured, and what knows nothing."""
+
+import numpy as np
+import pytest
+
+from orthomill.schemas.surface import Provenance
+from orthomill.tasks.densification.estimate_errors import groundless, with_distance
+from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.standard_errors import REACH
+
+
+def coded(provenance: np.ndarray) -> FusedCells:
+    shape = provenance.shape
+    return FusedCells(np.zeros(shape, np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), provenance)
+
+
+def test_an_estimate_is_the_worse_the_farther_it_is_from_measured_ground():
+    codes = np.full((21, 260), Provenance.AGREED, np.uint8)
+    codes[:, 10:250] = Provenance.INCOHERENT
+    found = with_distance(coded(codes), 0.05).precision[10]
+    assert (found[:10] == np.float32(0.1)).all() and found[10] > 0.1
+    assert (np.diff(found[10:70]) > 0).all() and found[75:180] == pytest.approx(found[80]) and 6 < found[80] < 8
+
+
+def test_no_estimate_is_worse_than_things_are_high():
+    codes = np.full((21, 260), Provenance.AGREED, np.uint8)
+    codes[:, 10:250] = Provenance.INTERPOLATED
+    assert with_distance(coded(codes), 5.0).precision.max() == pytest.approx(10.0, rel=1e-3)
+
+
+def test_single_measured_cells_in_a_crown_make_no_ground():
+    codes = np.full((31, 31), Provenance.AGREED, np.uint8)
+    codes[8:23, 8:23] = Provenance.INCOHERENT
+    around = with_distance(coded(codes), 1.0).precision[15, 14]
+    codes[15, 15] = Provenance.AGREED
+    assert with_distance(coded(codes), 1.0).precision[15, 14] == around
+    assert with_distance(coded(codes), 1.0).precision[15, 15] == np.float32(0.1)
+
+
+def test_without_any_measured_cell_every_estimate_is_a_far_one():
+    codes = np.full((5, 5), Provenance.INTERPOLATED, np.uint8)
+    assert (with_distance(coded(codes), 1.0).precision >= 10).all()
+
+
+def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are_groundless():
+    height = np.full((9, 60), 90.0, np.float32)
+    code = np.full(height.shape, Provenance.AGREED, np.uint8)
+    code[:, 8:] = Provenance.INCOHERENT
+    precision = np.full(height.shape, 20.0, np.float32)
+    height[:, 8:], height[:, 20] = -30.0, 95.0
+    precision[:, 10] = 5.0
+    found = groundless(FusedCells(height, precision, np.ones(height.shape, np.uint8), code))[4]
+    near = np.arange(60) < 8 + REACH
+    # Not the ground itself, what is certain enough, what lies within trees' height of the ground, or what has no ground around.
+    expected = near & (np.arange(60) >= 8) & ~np.isin(np.arange(60), (10, 20))
+    assert np.array_equal(found, expected)
