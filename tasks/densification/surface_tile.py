@@ -12,8 +12,6 @@ from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
 from orthomill.tasks.densification.completion import Completion, VolumeWindow, completed
-from orthomill.tasks.densification.datum_precision import datum_precision
-from orthomill.tasks.densification.estimate_errors import CODE_REACH, groundless, with_distance
 from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill, without
 from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
 from orthomill.tasks.densification.gridding import Gridding, TargetCells, grid_nodes
@@ -21,10 +19,12 @@ from orthomill.tasks.densification.ground_intersection import NodesOnGround, nod
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector, PointThinning
+from orthomill.tasks.densification.precision.datum_precision import datum_precision
+from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH, groundless, with_distance
+from orthomill.tasks.densification.precision.standard_errors import REACH, relative_precision
+from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision
 from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
-from orthomill.tasks.densification.standard_errors import REACH, relative_precision
 from orthomill.tasks.densification.surface_grid import ground_pixel
-from orthomill.tasks.densification.wall_blind_errors import wall_blind_precision
 
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""

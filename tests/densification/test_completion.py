@@ -7,8 +7,8 @@ from village_pair import LEVEL_GRID, level_pair
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
-from orthomill.tasks.densification.datum_precision import SPACING, datum_precision
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.precision.datum_precision import SPACING, datum_precision
 from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 

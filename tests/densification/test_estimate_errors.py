@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.densification.estimate_errors import groundless, with_distance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import REACH
+from orthomill.tasks.densification.precision.estimate_errors import groundless, with_distance
+from orthomill.tasks.densification.precision.standard_errors import REACH
 
 
 def coded(provenance: np.ndarray) -> FusedCells:

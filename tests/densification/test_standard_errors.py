@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import SHARE, height_range, relative_precision, unevenness
+from orthomill.tasks.densification.precision.standard_errors import SHARE, height_range, relative_precision, unevenness
 from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 
 SHAPE = (9, 15)

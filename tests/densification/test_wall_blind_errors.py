@@ -6,9 +6,9 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import SHARE, height_range
+from orthomill.tasks.densification.precision.standard_errors import SHARE, height_range
+from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision, window_doubt
 from orthomill.tasks.densification.volume.quality import Judgement
-from orthomill.tasks.densification.wall_blind_errors import wall_blind_precision, window_doubt
 
 SHAPE = (9, 15)
 STEP = 2.0

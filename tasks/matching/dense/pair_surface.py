@@ -9,6 +9,7 @@ Strategy
   they do not or where something stands in front of the place.
 - Beside a break of the surface the place of the edge is uncertain: what is assigned to the wrong side is wrong by the whole jump.
   The variance of that is the jump squared times how often it happens at this distance, which differs little between scenes.
+- Where parallaxes are uneven, windows are drawn to other surfaces than their own.
 
 Source: our own; benchmarks/results/matching.md, real pairs.
 """
@@ -25,6 +26,7 @@ from orthomill.tasks.matching.dense.blocks import DenseMatching, consistent, mov
 from orthomill.tasks.matching.dense.epipolar_least_squares import NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, PairStart, pair_start
+from orthomill.tasks.matching.dense.unevenness import unevenness
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
 
@@ -42,6 +44,8 @@ _USUAL = 3.0 * 1.4826
 """medians of the distance to the start that are three of its standard deviations"""
 _COHERENT = 0.7
 """share of the 9 x 9 pixels around that must go along with a parallax of the volume alone"""
+_UNEVEN = 7.5
+"""times the unevenness of the parallaxes around, a standard error (Cones, and Motorcycle in view)"""
 _VOLUME_SIGMA, _ESTIMATED_SIGMA = 0.5, 2.0
 """px: standard errors of parallaxes of the volume alone, coherent or not, far from any break"""
 
@@ -136,6 +140,7 @@ def _completed(nodes: NodeParallaxes, start: PairStart, right_cols: int, matchin
         [measured, sure, known], [ParallaxCode.MEASURED, ParallaxCode.VOLUME, ParallaxCode.ESTIMATED], ParallaxCode.EMPTY
     )
     alone = np.where(sure, _VOLUME_SIGMA, _ESTIMATED_SIGMA) ** 2 + broken
+    variance = variance + (_UNEVEN * unevenness(parallax)) ** 2
     sigma = np.sqrt(np.where(measured, variance, np.where(np.isfinite(parallax), alone, np.nan)))
     outcome = np.where(strayed, Outcome.MOVED_TOO_FAR, nodes.outcome).astype(np.uint8)
     return PairSurface(parallax, sigma.astype(np.float32), nodes.correlation, code.astype(np.uint8), outcome)

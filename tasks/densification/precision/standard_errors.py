@@ -17,7 +17,6 @@ The numbers below were fitted to a simulated scene so that the shares within two
 pair and several, and tested on another scene and on disjoint strips of a real block (benchmarks).
 """
 
-import cv2
 import numpy as np
 from scipy import ndimage
 
@@ -25,6 +24,7 @@ from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.volume.quality import box_sums
+from orthomill.tasks.matching.dense.unevenness import AROUND, unevenness
 
 SHARE = 0.45
 """factor of the standard errors of matching: those of neighbouring nodes, between which a cell is interpolated, partly cancel"""
@@ -38,14 +38,13 @@ _PARTS = 256
 _DOUBT, _CLEAR = 0.7, 0.25
 """distances between the heights of the volume that a height without standing may be wrong, and the standing at which this falls
 to 37 %; the least standing of a cell and its neighbours counts"""
-_UNEVEN, _AROUND = 14.5, 5
-"""times the departure of heights from the mean of their four neighbours of which half of the cells around fall short, and the side
-of the square of these cells"""
+_UNEVEN = 14.5
+"""times the unevenness of the heights around"""
 _DIFFER = 2
 """cells away up to which heights differ by what unevenness adds at most"""
 _STRANGE, _SQUARE = 0.9, 4
 """times the scatter of the volume about the pairs in cells up to so far away, where nothing measured any of these"""
-REACH = max(_BESIDE, _SQUARE, _DIFFER, _AROUND // 2 + 1)
+REACH = max(_BESIDE, _SQUARE, _DIFFER, AROUND // 2 + 1)
 """cells around a cell whose heights enter its standard error"""
 
 
@@ -93,14 +92,6 @@ def _apart(cells: FusedCells, volume: VolumeWindow, step: float) -> tuple[np.nda
     """Volume minus pairs (rows, cols) int64, parts of a step, 0 where one is missing; and bool where both are there."""
     both = np.isfinite(cells.precision) & np.isfinite(volume.height) & (step > 0)
     return np.where(both, np.rint((volume.height - cells.height) * (_PARTS / max(step, 1e-9))), 0).astype(np.int64), both
-
-
-def unevenness(height: np.ndarray) -> np.ndarray:
-    """How far heights lie from the mean of their four neighbours, the median of the square around every cell; (rows, cols) float32,
-    m. Cells with an unknown one among them count as even."""
-    wide = np.pad(height, 1, mode="edge").astype(np.float32)
-    mean = ((wide[:-2, 1:-1] + wide[2:, 1:-1]) + (wide[1:-1, :-2] + wide[1:-1, 2:])) * np.float32(0.25)
-    return np.asarray(cv2.medianBlur(np.nan_to_num(np.abs(height.astype(np.float32) - mean)), _AROUND))
 
 
 def height_range(height: np.ndarray, reach: int) -> np.ndarray:

@@ -18,8 +18,9 @@ from scipy import ndimage
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import REACH, height_range, matched_precision, unevenness
+from orthomill.tasks.densification.precision.standard_errors import REACH, height_range, matched_precision
 from orthomill.tasks.densification.volume.quality import box_sums
+from orthomill.tasks.matching.dense.unevenness import unevenness
 
 _ROUGHNESS = 0.2
 """share of the height differences to the cells next to it that the surface varies within a cell"""

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from orthomill.schemas.surface import ESTIMATED, MEASURED
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.standard_errors import REACH, extremes
+from orthomill.tasks.densification.precision.standard_errors import REACH, extremes
 from orthomill.tasks.densification.volume.quality import box_sums
 
 _RISE = 2.2

@@ -1,0 +1,1 @@
+"""How precise heights are: among their neighbours, as estimates, and of the datum."""
