@@ -19,9 +19,10 @@ confidence intervals).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from orthomill.tasks.matching.dense.joined_nodes import joined
+from orthomill.tasks.matching.dense.kernel import kernel
+from orthomill.tasks.matching.dense.node_runs import run_for, solve_windows
 from orthomill.tasks.matching.dense.node_surfaces import (
     NodeLattice,
     StartSurface,
@@ -30,27 +31,23 @@ from orthomill.tasks.matching.dense.node_surfaces import (
     start_planes,
     start_values,
 )
+from orthomill.tasks.matching.dense.shared_sums import RUN
 from orthomill.tasks.matching.dense.surface_warp import WarpedPair, warp
 from orthomill.tasks.matching.dense.window_solution import (
-    ASIDE,
     CORRECTION,
     CORRELATION,
     KERNEL,
     SLOPE_X,
     SLOPE_Y,
     SPREAD,
-    STRENGTH,
     SUPPORT,
     VARIANCE,
-    cut_block,
-    scratch_for,
-    solved,
 )
 from orthomill.tasks.matching.least_squares import result_columns as outcomes
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 
-_EDGE, _SMALL, _NORMAL, _WIDER, _WIDE = range(5)
-"""windows of a node from small to large"""
+_EDGE, _SMALL, _NORMAL, _WIDER, _WIDE, _NONE = range(6)
+"""windows of a node from small to large, and the end of them"""
 _REACH = 16
 """px around the wanted nodes that are matched to smooth, and to fill windows; beyond it the start itself serves"""
 _COARSE = 4
@@ -65,8 +62,6 @@ _FLOOR = 4e-4
 """px^2 added to the variances in these weights, so that a few nodes of strong texture do not outvote all others"""
 _WHOLE = 0.85
 """share of the window on the node's surface below which the smallest window is tried"""
-_ASIDE = 0.8
-"""half windows: farther than this from the node its texture says little about it, such as the shore about water"""
 _HOPELESS = 0.4
 """share of the wanted correlation below which a window shows two different things"""
 _MISFIT = 2.0
@@ -131,7 +126,7 @@ class NodeRules(NamedTuple):
     """half side of the widest of all windows, px"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline="always")
 def _half_of(window, limits):
     """Half side of a window, px."""
     if window == _EDGE:
@@ -143,22 +138,7 @@ def _half_of(window, limits):
     return limits.wide_half if window == _WIDE else (limits.half + limits.wide_half) // 2
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _attempt(pair, centre, half, plane, rules, scratch, solution):
-    """Solve one window of a node; returns its outcome."""
-    limits = rules.limits
-    # A field smoothed over normal windows holds errors that wider ones could remove: those count from the plane.
-    size = cut_block(pair, centre, half, plane, limits.surface_tolerance, half > limits.half, scratch.block)
-    solution[:] = np.nan
-    found = solved(scratch, half, size, rules.correlation, plane[1], solution)
-    if found == outcomes.CONVERGED and solution[SUPPORT] < limits.min_support * (2 * half + 1) ** 2:
-        return outcomes.NOT_TRIED
-    if found == outcomes.CONVERGED and not (solution[STRENGTH] > limits.min_gradient and solution[ASIDE] < _ASIDE * half):
-        return outcomes.LOW_TEXTURE
-    return found
-
-
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def _shown(pair, centre, half):
     """Whether both images show the node or the middle of a side of its window."""
     field = pair.field
@@ -169,37 +149,51 @@ def _shown(pair, centre, half):
     )
 
 
-@njit(cache=True, error_model="numpy")
-def _adjust_planes(pair, lattice, planes, shape, rules, weights):
-    """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image."""
-    limits = rules.limits
-    scratch, solution, plane = scratch_for(rules.widest), np.empty(10), np.empty(3)
+@kernel()
+def _adjust_planes(pair, lattice, planes, shape, rules, run, weights):
+    """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image. run: scratch."""
+    limits, best = rules.limits, run.best
     for i in range(lattice.rows):
-        for j in range(lattice.cols):
-            weights[i, j] = _ALONE
-            row, col = lattice.row + i * lattice.step, lattice.col + j * lattice.step
-            if not (0 <= row < shape[0] and 0 <= col < shape[1]) or np.isnan(planes[i, j, 0]):
-                continue
-            plane[0], plane[1], plane[2] = planes[i, j, 0], planes[i, j, 1], planes[i, j, 2]
-            centre, best = (row + pair.margin) * pair.cols + col + pair.margin, _VAGUE
-            if not _shown(pair, centre, limits.half):
-                continue
+        row = lattice.row + i * lattice.step
+        for first in range(0, lattice.cols, RUN):
+            nodes = range(min(RUN, lattice.cols - first))
+            run.wanted[:] = False
+            for j in nodes:
+                weights[i, first + j], best[j] = _ALONE, _VAGUE
+                col = lattice.col + (first + j) * lattice.step
+                if 0 <= row < shape[0] and 0 <= col < shape[1] and not np.isnan(planes[i, first + j, 0]):
+                    run.centre[j] = (row + pair.margin) * pair.cols + col + pair.margin
+                    for k in range(3):
+                        run.plane[j, k] = planes[i, first + j, k]
+                    run.wanted[j] = _shown(pair, run.centre[j], limits.half)
             for k in range(2):
-                half = limits.half if k == 0 else limits.wide_half
-                found = _attempt(pair, centre, half, plane, rules, scratch, solution)
-                if found == outcomes.CONVERGED and solution[VARIANCE] < best and abs(solution[CORRECTION]) < 2.0 * _MAX_STEP:
-                    best = solution[VARIANCE]
-                    field = pair.field[centre]
-                    begin = field if k == 0 and field == field else plane[0]
-                    planes[i, j, 0] = begin + min(max(solution[CORRECTION], -_MAX_STEP), _MAX_STEP)
-                    planes[i, j, 1] = plane[1] + min(max(solution[SLOPE_X], -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP)
-                    planes[i, j, 2] = plane[2] + min(max(solution[SLOPE_Y], -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP)
-                    weights[i, j] = 1.0 / (best + _FLOOR)
-                if best < limits.weak_sigma**2:
-                    break
+                solve_windows(pair, run, lattice.step, limits.half if k == 0 else limits.wide_half, rules)
+                for j in nodes:
+                    if run.wanted[j]:
+                        field = pair.field[run.centre[j]]
+                        begin = field if k == 0 and field == field else run.plane[j, 0]
+                        best[j] = _correct(run, j, begin, best[j], planes[i, first + j])
+                        if best[j] < _VAGUE:
+                            weights[i, first + j] = 1.0 / (best[j] + _FLOOR)
+                        run.wanted[j] = not best[j] < limits.weak_sigma**2
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
+def _correct(run, j, begin, best, plane):
+    """Correct the plane of a node where its window is more precise than `best`, px^2; returns the variance that holds then.
+
+    begin: what the correction counts from.
+    """
+    solution = run.solution[j]
+    if not (run.found[j] == outcomes.CONVERGED and solution[VARIANCE] < best and abs(solution[CORRECTION]) < 2.0 * _MAX_STEP):
+        return best
+    plane[0] = begin + min(max(solution[CORRECTION], -_MAX_STEP), _MAX_STEP)
+    plane[1] = run.plane[j, 1] + min(max(solution[SLOPE_X], -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP)
+    plane[2] = run.plane[j, 2] + min(max(solution[SLOPE_Y], -_MAX_SLOPE_STEP), _MAX_SLOPE_STEP)
+    return solution[VARIANCE]
+
+
+@kernel(forceinline=True)
 def _take(solution, begin, kept):
     """Let a solution take over where it agrees with those of smaller windows; False where it does not.
 
@@ -216,79 +210,140 @@ def _take(solution, begin, kept):
     return True
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@kernel(forceinline=True)
 def _solid(outcome, solution):
     """Whether a window was solved near its start."""
     return outcome == outcomes.CONVERGED and abs(solution[CORRECTION]) <= _MAX_STEP
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
-def _solve_node(pair, centre, plane, rules, scratch, solutions, kept):
-    """The best of the windows of a node, in `kept` (see `_take`); returns its outcome. solutions (2, 10): scratch."""
-    limits = rules.limits
+class NodeLadder(NamedTuple):
+    """What the windows so far say of the nodes of a run."""
+
+    kept: np.ndarray
+    """(RUN, 7), see `_take`"""
+    normal: np.ndarray
+    """(RUN, 10): solutions of the normal windows"""
+    first: np.ndarray
+    """(RUN,) int64: their outcomes"""
+    smallest: np.ndarray
+    """(RUN,) int64: the window that is tried first; above the widest where none is wanted any more"""
+    outcome: np.ndarray
+    """(RUN,) int64"""
+    tried: np.ndarray
+    """(RUN,) bool"""
+
+
+def _ladder() -> NodeLadder:
+    first, smallest, outcome = np.zeros((3, RUN), np.int64)
+    return NodeLadder(np.empty((RUN, 7)), np.empty((RUN, 10)), first, smallest, outcome, np.zeros(RUN, np.bool_))
+
+
+@kernel(forceinline=True)
+def _begin(run, j, limits, ladder):
+    """Begin with the normal window of a node, which tells the smallest that is tried."""
+    kept, found, solution = ladder.kept[j], run.found[j], run.solution[j]
     kept[0], kept[1], kept[2], kept[3], kept[4], kept[5] = np.nan, np.inf, np.nan, -np.inf, np.inf, np.nan
-    outcome, field = outcomes.NOT_TRIED, pair.field[centre]
-    near = field if abs(field - plane[0]) <= limits.surface_tolerance else plane[0]
-    normal, other = solutions[0], solutions[1]
-    first = _attempt(pair, centre, limits.half, plane, rules, scratch, normal)
-    solid, whole = _solid(first, normal), normal[SUPPORT] > _WHOLE * (2 * limits.half + 1) ** 2
-    if solid and whole:
-        kept[5] = normal[SPREAD] / normal[VARIANCE]
+    ladder.outcome[j], ladder.first[j] = outcomes.NOT_TRIED, found
+    for k in range(solution.size):
+        ladder.normal[j, k] = solution[k]
+    whole = solution[SUPPORT] > _WHOLE * (2 * limits.half + 1) ** 2
+    if whole and _solid(found, solution):
+        kept[5] = solution[SPREAD] / solution[VARIANCE]
     # Scores that scatter as noise does are no sign of a surface that bends or breaks: smaller windows would add nothing.
-    window = _NORMAL if kept[5] < _MISFIT else _SMALL if whole or limits.edge_half == limits.small_half else _EDGE
-    while window <= _WIDE:
-        # Texture that is weak becomes precise in a larger window; grey values that are not alike remain so.
-        if window > _NORMAL and (kept[1] < limits.weak_sigma**2 or normal[CORRELATION] < _HOPELESS * limits.min_correlation):
-            break
-        found, solution = first, normal
-        if window != _NORMAL:
-            found, solution = _attempt(pair, centre, _half_of(window, limits), plane, rules, scratch, other), other
-        if _solid(found, solution):
-            if not _take(solution, near if window <= _NORMAL else plane[0], kept):
-                break
-            outcome = found
-        elif outcome != outcomes.CONVERGED:
-            outcome = outcomes.MOVED_TOO_FAR if found == outcomes.CONVERGED else found
-        window += 1
-    return outcome
+    ladder.smallest[j] = _NORMAL if kept[5] < _MISFIT else _SMALL if whole or limits.edge_half == limits.small_half else _EDGE
 
 
-@njit(cache=True, error_model="numpy")
-def _solve_nodes(pair, lattice, planes, start, shape, rules, nodes, variance, misfit):
-    """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes."""
+@kernel(forceinline=True)
+def _climb(found, solution, begin, j, ladder):
+    """Consider one more window of a node; begin: what its correction counts from."""
+    if _solid(found, solution):
+        if _take(solution, begin, ladder.kept[j]):
+            ladder.outcome[j] = found
+        else:
+            ladder.smallest[j] = _NONE
+    elif ladder.outcome[j] != outcomes.CONVERGED:
+        ladder.outcome[j] = outcomes.MOVED_TOO_FAR if found == outcomes.CONVERGED else found
+
+
+@kernel(forceinline=True)
+def _solve_run(pair, run, step, rules, ladder):
+    """The best of the windows of the wanted nodes of a run, in `ladder.kept`, and their outcomes."""
+    limits = rules.limits
+    # The normal window is solved first, and takes its place among the others when the smaller ones have had theirs.
+    for place in range(_NONE + 1):
+        window = _NORMAL if place == 0 else place - 1
+        for j in range(RUN):
+            if not ladder.tried[j] or place == 0:
+                continue
+            if window == _NORMAL and ladder.smallest[j] <= _NORMAL:
+                _climb(ladder.first[j], ladder.normal[j], _near(pair, run, j, limits), j, ladder)
+            # Texture that is weak becomes precise in a larger window; grey values that are not alike remain so.
+            if window > _NORMAL and (
+                ladder.kept[j, 1] < limits.weak_sigma**2 or ladder.normal[j, CORRELATION] < _HOPELESS * limits.min_correlation
+            ):
+                ladder.smallest[j] = _NONE
+            run.wanted[j] = window != _NORMAL and ladder.smallest[j] <= window
+        if window == _NORMAL and place > 0:
+            continue
+        solve_windows(pair, run, step, _half_of(window, limits), rules)
+        for j in range(RUN):
+            if run.wanted[j] and place == 0:
+                _begin(run, j, limits, ladder)
+            elif run.wanted[j]:
+                begin = _near(pair, run, j, limits) if window < _NORMAL else run.plane[j, 0]
+                _climb(run.found[j], run.solution[j], begin, j, ladder)
+
+
+@kernel(forceinline=True)
+def _near(pair, run, j, limits):
+    """The parallax of the field at a node where it lies on the node's plane, else that of the plane."""
+    field, plane = pair.field[run.centre[j]], run.plane[j, 0]
+    return field if abs(field - plane) <= limits.surface_tolerance else plane
+
+
+@kernel()
+def _solve_nodes(pair, lattice, planes, start, shape, rules, scratch, nodes, variance, misfit):
+    """Solve the inner nodes of a lattice, of which `nodes` are the results. start (rows, cols): parallaxes of the start planes.
+    scratch: a run and a ladder."""
     limits = rules.limits
     parallax, _, likeness, outcome = nodes
-    scratch, solutions, plane, kept = scratch_for(rules.widest), np.empty((2, 10)), np.empty(3), np.empty(7)
+    run, ladder = scratch
     ring = (lattice.rows - parallax.shape[0]) // 2
     for i in range(parallax.shape[0]):
-        for j in range(parallax.shape[1]):
-            row, col = lattice.row + (ring + i) * lattice.step, lattice.col + (ring + j) * lattice.step
-            centre = (row + pair.margin) * pair.cols + col + pair.margin
-            if not (0 <= row < shape[0] and 0 <= col < shape[1]) or np.isnan(pair.left[centre]):
-                outcome[i, j] = outcomes.OUTSIDE
-                continue
-            plane[0], plane[1], plane[2] = (
-                planes[ring + i, ring + j, 0],
-                planes[ring + i, ring + j, 1],
-                planes[ring + i, ring + j, 2],
-            )
-            if np.isnan(plane[0]):
-                outcome[i, j] = outcomes.NOT_TRIED
-                continue
-            if not _shown(pair, centre, limits.half):
-                outcome[i, j] = outcomes.OUTSIDE
-                continue
-            found = _solve_node(pair, centre, plane, rules, scratch, solutions, kept)
-            if found == outcomes.NOT_TRIED and np.isnan(pair.field[centre]):
-                found = outcomes.OUTSIDE
-            likeness[i, j], misfit[i, j] = kept[2], kept[5]
-            if found == outcomes.CONVERGED and not kept[2] >= limits.min_correlation:
-                found = outcomes.LOW_CORRELATION
-            elif found == outcomes.CONVERGED and not abs(kept[0] - start[ring + i, ring + j]) <= limits.max_shift:
-                found = outcomes.MOVED_TOO_FAR
-            outcome[i, j] = found
-            if found == outcomes.CONVERGED:
-                parallax[i, j], variance[i, j] = kept[0], kept[1] + kept[6]
+        for first in range(0, parallax.shape[1], RUN):
+            count = min(RUN, parallax.shape[1] - first)
+            run.wanted[:] = False
+            for j in range(count):
+                row, col = lattice.row + (ring + i) * lattice.step, lattice.col + (ring + first + j) * lattice.step
+                centre = (row + pair.margin) * pair.cols + col + pair.margin
+                run.centre[j] = centre
+                for k in range(3):
+                    run.plane[j, k] = planes[ring + i, ring + first + j, k]
+                if not (0 <= row < shape[0] and 0 <= col < shape[1]) or np.isnan(pair.left[centre]):
+                    outcome[i, first + j] = outcomes.OUTSIDE
+                elif np.isnan(run.plane[j, 0]):
+                    outcome[i, first + j] = outcomes.NOT_TRIED
+                elif not _shown(pair, centre, limits.half):
+                    outcome[i, first + j] = outcomes.OUTSIDE
+                else:
+                    run.wanted[j] = True
+            for j in range(RUN):
+                ladder.tried[j] = run.wanted[j]
+            _solve_run(pair, run, lattice.step, rules, ladder)
+            for j in range(count):
+                if not ladder.tried[j]:
+                    continue
+                found, kept, k = ladder.outcome[j], ladder.kept[j], first + j
+                if found == outcomes.NOT_TRIED and np.isnan(pair.field[run.centre[j]]):
+                    found = outcomes.OUTSIDE
+                likeness[i, k], misfit[i, k] = kept[2], kept[5]
+                if found == outcomes.CONVERGED and not kept[2] >= limits.min_correlation:
+                    found = outcomes.LOW_CORRELATION
+                elif found == outcomes.CONVERGED and not abs(kept[0] - start[ring + i, ring + k]) <= limits.max_shift:
+                    found = outcomes.MOVED_TOO_FAR
+                outcome[i, k] = found
+                if found == outcomes.CONVERGED:
+                    parallax[i, k], variance[i, k] = kept[0], kept[1] + kept[6]
 
 
 def match_nodes(
@@ -309,7 +364,7 @@ def match_nodes(
     planes, weights = begin.copy(), np.empty(level.shape, np.float32)
     # A start that is good to a pixel needs one round: a second one gains 1 % on noisy images and loses as much on real ones.
     warp(pair, right, shift, level, planes)
-    _adjust_planes(pair, level, planes, left.shape, rules, weights)
+    _adjust_planes(pair, level, planes, left.shape, rules, run_for(widest, level.step), weights)
     planes = smoothed_planes(planes, weights, level, half, tolerance)
     planes, begin = finer_planes(planes, level, lattice), finer_planes(begin, level, lattice)
     # Nodes on another surface than the nearest coarser one begin with their own plane.
@@ -321,7 +376,18 @@ def match_nodes(
     warp(pair, right, shift, lattice, planes)
     nodes = NodeParallaxes.unmatched(np.zeros((len(rows), len(cols)), np.uint8))
     variance, misfit = np.full((2, *nodes.outcome.shape), np.nan)
-    _solve_nodes(pair, lattice, planes, begin[..., 0].copy(), left.shape, rules, nodes, variance, misfit)
+    _solve_nodes(
+        pair,
+        lattice,
+        planes,
+        begin[..., 0].copy(),
+        left.shape,
+        rules,
+        (run_for(widest, lattice.step), _ladder()),
+        nodes,
+        variance,
+        misfit,
+    )
     ring = (lattice.rows - len(rows)) // 2
     moved = nodes.parallax - begin[ring : ring + len(rows), ring : ring + len(cols), 0]
     nodes = nodes._replace(sigma=np.sqrt(stated_variance(variance, moved, misfit)).astype(np.float32))

@@ -32,8 +32,10 @@ from orthomill.tasks.matching.dense.window_solution import (
     STRENGTH,
     SUPPORT,
     VARIANCE,
-    correlated_share,
+    correlated_pairs,
+    correlation_factor,
     cut_block,
+    lay_out,
     scratch_for,
     solved,
 )
@@ -184,6 +186,7 @@ def solution_of(pair: WarpedPair, row: int, col: int, half: int, flat: bool = Fa
     scratch, out = scratch_for(half), np.full(10, np.nan)
     centre = (row + pair.margin) * pair.cols + col + pair.margin
     plane = np.array([12.0, 0.0, 0.0])
+    lay_out(half, scratch.block)
     size = cut_block(pair, centre, half, plane, 1.0, flat, scratch.block)
     return out, Outcome(solved(scratch, half, size, (0.0, 0.0), 0.0, out))
 
@@ -291,7 +294,7 @@ def test_correlated_residuals_count_as_their_twin_says():
     diagonal = (here * padded[1 : upper + 1, 1:17]).sum() + (padded[:upper, 1:17] * padded[1 : upper + 1, :16]).sum()
     two = (here * padded[:upper, 2:18]).sum() + (here * padded[2 : upper + 2, :16]).sum()
     expected = 1 + 2 * (near * sum(along) + near**2 * diagonal + far * two) / (here**2).sum()
-    factor, alike = correlated_share(g.ravel(), g.size, 16, near, far)
+    factor, alike = correlation_factor(correlated_pairs(g.ravel(), g.size, 16, near, far))
     assert factor == pytest.approx(max(expected, 0.3), rel=0.03) and alike == pytest.approx(along[0] / (here**2).sum(), abs=0.01)
 
 
