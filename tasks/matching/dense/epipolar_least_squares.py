@@ -150,8 +150,9 @@ def _shown(pair, centre, half):
 
 
 @kernel()
-def _adjust_planes(pair, lattice, planes, shape, rules, run, weights):
-    """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image. run: scratch."""
+def _adjust_planes(pair, lattice, planes, shape, rules, halves, run, weights):
+    """Correct the planes of all nodes once, in place; fills their weights. shape: of the left image. halves: half sides of the
+    windows, one after the other. run: scratch."""
     limits, best = rules.limits, run.best
     for i in range(lattice.rows):
         row = lattice.row + i * lattice.step
@@ -166,12 +167,12 @@ def _adjust_planes(pair, lattice, planes, shape, rules, run, weights):
                     for k in range(3):
                         run.plane[j, k] = planes[i, first + j, k]
                     run.wanted[j] = _shown(pair, run.centre[j], limits.half)
-            for k in range(2):
-                solve_windows(pair, run, lattice.step, limits.half if k == 0 else limits.wide_half, rules)
+            for half in halves:
+                solve_windows(pair, run, lattice.step, half, rules)
                 for j in nodes:
                     if run.wanted[j]:
                         field = pair.field[run.centre[j]]
-                        begin = field if k == 0 and field == field else run.plane[j, 0]
+                        begin = field if half == limits.half and field == field else run.plane[j, 0]
                         best[j] = _correct(run, j, begin, best[j], planes[i, first + j])
                         if best[j] < _VAGUE:
                             weights[i, first + j] = 1.0 / (best[j] + _FLOOR)
@@ -231,11 +232,15 @@ class NodeLadder(NamedTuple):
     """(RUN,) int64"""
     tried: np.ndarray
     """(RUN,) bool"""
+    places: np.ndarray
+    """0, 1, 2, ... in the sequence of windows; in memory, for the compiler would repeat the whole kernel for those it knows"""
 
 
 def _ladder() -> NodeLadder:
     first, smallest, outcome = np.zeros((3, RUN), np.int64)
-    return NodeLadder(np.empty((RUN, 7)), np.empty((RUN, 10)), first, smallest, outcome, np.zeros(RUN, np.bool_))
+    return NodeLadder(
+        np.empty((RUN, 7)), np.empty((RUN, 10)), first, smallest, outcome, np.zeros(RUN, np.bool_), np.arange(_NONE + 1)
+    )
 
 
 @kernel(forceinline=True)
@@ -270,7 +275,7 @@ def _solve_run(pair, run, step, rules, ladder):
     """The best of the windows of the wanted nodes of a run, in `ladder.kept`, and their outcomes."""
     limits = rules.limits
     # The normal window is solved first, and takes its place among the others when the smaller ones have had theirs.
-    for place in range(_NONE + 1):
+    for place in ladder.places:
         window = _NORMAL if place == 0 else place - 1
         for j in range(RUN):
             if not ladder.tried[j] or place == 0:
@@ -364,7 +369,7 @@ def match_nodes(
     planes, weights = begin.copy(), np.empty(level.shape, np.float32)
     # A start that is good to a pixel needs one round: a second one gains 1 % on noisy images and loses as much on real ones.
     warp(pair, right, shift, level, planes)
-    _adjust_planes(pair, level, planes, left.shape, rules, run_for(widest, level.step), weights)
+    _adjust_planes(pair, level, planes, left.shape, rules, np.array([half, limits.wide_half]), run_for(widest, level.step), weights)
     planes = smoothed_planes(planes, weights, level, half, tolerance)
     planes, begin = finer_planes(planes, level, lattice), finer_planes(begin, level, lattice)
     # Nodes on another surface than the nearest coarser one begin with their own plane.
