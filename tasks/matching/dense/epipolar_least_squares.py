@@ -270,7 +270,7 @@ def _climb(found, solution, begin, j, ladder):
         ladder.outcome[j] = outcomes.MOVED_TOO_FAR if found == outcomes.CONVERGED else found
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _solve_run(pair, run, step, rules, ladder):
     """The best of the windows of the wanted nodes of a run, in `ladder.kept`, and their outcomes."""
     limits = rules.limits

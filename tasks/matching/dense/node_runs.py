@@ -72,7 +72,7 @@ def run_for(half, step):
     )
 
 
-@kernel(forceinline=True)
+@kernel()
 def solve_windows(pair, run, step, half, rules):
     """Solve the windows of half side `half` of the wanted nodes of a run, `step` px apart; fills their outcomes and solutions."""
     limits = rules.limits
@@ -101,7 +101,7 @@ def solve_windows(pair, run, step, half, rules):
         run.found[j] = found
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _share(pair, run, step, half, flat, rules):
     """Fill the sums of the whole windows of a run; returns the node that they begin with, -1 where sharing does not pay."""
     first, last, count, tolerance, ramp = -1, -1, 0, rules.limits.surface_tolerance, run.shared.ramp

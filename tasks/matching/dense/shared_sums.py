@@ -93,7 +93,7 @@ def is_whole(pair, centre, half, plane, tolerance, ramp):
     return True
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def fill_sums(pair, centre, half, n, plane, flat, correlation, shared):
     """Fill the sums of a run: of n columns, from the left side of the window of its first node on.
 
@@ -174,7 +174,7 @@ def _add_pairs(gradient, first, n, cols, correlation, columns):
         e[i] += far * (g * gradient[k + i + two])
 
 
-@kernel(forceinline=True)
+@kernel(inline="always")
 def _sum_parts(shared, width, size, strip_parts, parts):
     """Fill the sums along the parts of `width` px that begin at the first `size` columns."""
     columns, line = shared.columns, shared.line
