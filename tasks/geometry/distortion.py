@@ -67,6 +67,16 @@ def radial_factor(r2, n):
 
 
 @njit(cache=True, inline="always")
+def distort_brown(x, y, n):
+    """As `distort_point`, of a lens of the model BROWN: without a branch, for loops over many points."""
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (n.k1 + r2 * (n.k2 + r2 * n.k3))
+    xd = x * radial - 2.0 * n.p1 * x * y + n.p2 * (r2 + 2.0 * x * x)
+    yd = y * radial - n.p1 * (r2 + 2.0 * y * y) + 2.0 * n.p2 * x * y
+    return (1.0 + n.affinity) * xd + n.skew * yd, yd
+
+
+@njit(cache=True, inline="always")
 def distort_point(x, y, n):
     """Ideal to observed image coordinates, both in units of c (y up)."""
     r2 = x * x + y * y

@@ -12,7 +12,15 @@ from numba import njit
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
-from orthomill.tasks.geometry.distortion import distort_point, image_to_pixel, lens_of, pixel_to_image, principal_place
+from orthomill.tasks.geometry.distortion import (
+    BROWN,
+    distort_brown,
+    distort_point,
+    image_to_pixel,
+    lens_of,
+    pixel_to_image,
+    principal_place,
+)
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
 FIELD_MARGIN = 1.05
@@ -147,12 +155,60 @@ def framed_point(n, x, y, z, widest):
     return col, row, depth, border
 
 
+class FramedRow(NamedTuple):
+    """Points (N,) of a row in a photograph, float64: column and row, px; the inverse depth along the axis, 1/m; px to the nearest
+    border, -1 for points outside the frame, behind the camera or without height."""
+
+    col: np.ndarray
+    row: np.ndarray
+    inverse: np.ndarray
+    border: np.ndarray
+
+
+@njit(cache=True)
+def empty_row(count):
+    """A `FramedRow` to be filled."""
+    return FramedRow(np.empty(count), np.empty(count), np.empty(count), np.empty(count))
+
+
+# A kernel that asks for one point after the other spends most of its time on branches: which lens, behind the camera, outside the
+# field of view. Here the lens is asked for once and nothing in the loop branches, so that compilers use vector instructions.
+@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _fill_row(n, x, y, z, widest, brown, out):
+    half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
+    dy = y - n.yc
+    across, along, away = n.r12 * dy, n.r22 * dy, n.r32 * dy
+    for j in range(x.size):
+        dx, dz = x[j] - n.xc, z[j] - n.zc
+        depth = -(n.r33 * dz + (n.r31 * dx + away))
+        inverse = 1.0 / depth
+        u, v = (n.r13 * dz + (n.r11 * dx + across)) * inverse, (n.r23 * dz + (n.r21 * dx + along)) * inverse
+        xd, yd = distort_brown(u, v, n) if brown else distort_point(u, v, n)
+        col, row = n.col0 + n.c * xd, n.row0 - n.c * yd
+        border = min(half_width - abs(col - half_width), half_height - abs(row - half_height))
+        # Outside the field of view the distortion polynomial may fold back into the photograph.
+        inside = (border >= 0.0) & (depth > 0.0) & (u * u + v * v <= widest)
+        out.col[j], out.row[j], out.inverse[j] = col, row, inverse
+        out.border[j] = border if inside else -1.0
+
+
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def frame_row(n, x, y, z, widest, out):
+    """Fills `out` as `framed_point` would, several points at a time, for ground points x (N,), y, z (N,) m, NaN for no point;
+    n is `View.numbers`, `widest` the squared tangent of the largest field angle."""
+    if n.model == BROWN:
+        _fill_row(n, x, y, z, widest, True, out)
+    else:
+        _fill_row(n, x, y, z, widest, False, out)
+
+
 @njit(cache=True)
 def _frame(n, x, y, z, widest, out):
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            if not np.isnan(z[i, j]):
-                out[i, j] = framed_point(n, x[j], y[i], z[i, j], widest)[3] >= 0.0
+    line = empty_row(x.size)
+    for i in range(y.size):
+        frame_row(n, x, y[i], z[i], widest, line)
+        for j in range(x.size):
+            out[i, j] = line.border[j] >= 0.0
 
 
 def in_frame(view: View, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -15,9 +15,8 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.geometry.distortion import distort_point
-from orthomill.tasks.geometry.view import FIELD_MARGIN, View, in_frame
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, PlaceLine, border_colours, inner_colours, part_pixels
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, empty_row, frame_row, in_frame
+from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, border_colours, inner_colours, part_pixels
 from orthomill.tasks.imagery.radiometric_balance import correct
 from orthomill.tasks.visibility.height_model import WALL
 
@@ -76,56 +75,52 @@ class _Samples(NamedTuple):
     r2: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
-def _place_row(n, cells, limits, i, first, line, worth, r2):
-    """Fills `line` for the pixels of row i from column `first` on: their places in the photograph; and worth, 0 outside of it, and
-    r2 (cols)."""
-    # No branch, and no call that is not inlined: the compiler then computes several pixels at a time.
-    y = cells.north - (cells.first_row + i + 0.5) * cells.cell
+@njit(cache=True, error_model="numpy", fastmath={"contract"})
+def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
+    """Fills worth, 0 outside of the photograph, and r2 (cols) of the pixels of row i from column `first` on, at x (cols) and y;
+    line: their `FramedRow`."""
+    # No branch, and float32: weights need no more digits, and twice as many pixels are computed at a time.
+    zero, one, two, three = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
     last = first + worth.size
     z, slope_x, slope_y = cells.z[i, first:last], cells.dx[i, first:last], cells.dy[i, first:last]
     factor = cells.factor[i, first:last]
-    dy, dy2 = y - n.yc, (y - n.yc) ** 2
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
-    diagonal = 1.0 / (half_width**2 + half_height**2)
-    scale, softness = n.c * n.c * cells.cell * cells.cell, 1.0 / max(limits.feather, 1e-300)
-    for j in range(z.size):
-        x = cells.west + (cells.first_col + first + j + 0.5) * cells.cell
-        dx, dz = x - n.xc, z[j] - n.zc
-        depth = -(n.r31 * dx + n.r32 * dy + n.r33 * dz)
-        inverse = 1.0 / depth
-        u = (n.r11 * dx + n.r12 * dy + n.r13 * dz) * inverse
-        v = (n.r21 * dx + n.r22 * dy + n.r23 * dz) * inverse
-        xd, yd = distort_point(u, v, n)
-        col, row = n.col0 + n.c * xd, n.row0 - n.c * yd
-        off_col, off_row = col - half_width, row - half_height
-        border = min(half_width - abs(off_col), half_height - abs(off_row))
-        # Outside the field of view the distortion polynomial may fold back into the photograph.
-        inside = (border >= 0.0) & (depth > 0.0) & (dx * dx + dy2 + dz * dz <= (1.0 + limits.widest) * depth * depth)
-        facing = max(slope_x[j] * dx + slope_y[j] * dy - dz, -LEAST_FACING * dz)
-        share = min(border * softness, 1.0)
+    diagonal = np.float32(1.0 / (half_width**2 + half_height**2))
+    scale, softness = np.float32((n.c * cells.cell) ** 2), np.float32(1.0 / max(limits.feather, 1e-30))
+    facing_least, least, dy = np.float32(LEAST_FACING), np.float32(_LEAST_WORTH), np.float32(y - n.yc)
+    for j in range(worth.size):
+        dx, above = np.float32(x[j] - n.xc), np.float32(n.zc - z[j])
+        off_col, off_row = np.float32(line.col[j] - half_width), np.float32(line.row[j] - half_height)
+        border, inverse = np.float32(line.border[j]), np.float32(line.inverse[j])
+        facing = max(slope_x[j] * dx + slope_y[j] * dy + above, facing_least * above)
+        share = min(border * softness, one)
         # A smooth step: neither end of the feather leaves a visible edge.
-        area = max(scale * facing * inverse * inverse * inverse * share * share * (3.0 - 2.0 * share), _LEAST_WORTH)
-        line.col[j], line.row[j] = col, row
-        worth[j] = area * factor[j] if inside else 0.0
-        r2[j] = (off_col * off_col + off_row * off_row) * diagonal if inside else 0.0
+        area = max(scale * facing * (inverse * inverse * inverse) * (share * share * (three - two * share)), least)
+        inside = border >= zero
+        worth[j] = area * factor[j] if inside else zero
+        r2[j] = (off_col * off_col + off_row * off_row) * diagonal if inside else zero
 
 
 @njit(cache=True)
 def _sample(part, n, cells, limits, correction, out):
     # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
     rows, cols = cells.z.shape
-    line, flat = PlaceLine(np.empty(_RUN), np.empty(_RUN)), part.pixels.reshape(-1)
+    x = np.empty(cols)
+    for j in range(cols):
+        x[j] = cells.west + (cells.first_col + j + 0.5) * cells.cell
+    places, flat = empty_row(_RUN), part.pixels.reshape(-1)
     for i in range(rows):
+        y = cells.north - (cells.first_row + i + 0.5) * cells.cell
         for first in range(0, cols, _RUN):
             last = min(first + _RUN, cols)
             # A photograph often shows a corner of the tile only, and of a strip with a wall a few pixels are asked for.
             if not cells.factor[i, first:last].any():
                 continue
             worth, r2, colour = out.worth[i, first:last], out.r2[i, first:last], out.colour[i, first:last]
-            _place_row(n, cells, limits, i, first, line, worth, r2)
-            if inner_colours(flat, part.pixels.shape, part.origin, line, worth, colour):
-                border_colours(part.pixels, part.last, part.origin, line, worth, colour)
+            frame_row(n, x[first:last], y, cells.z[i, first:last], limits.widest, places)
+            _weigh_row(n, cells, limits, i, first, x[first:last], y, places, worth, r2)
+            if inner_colours(flat, part.pixels.shape, part.origin, places, worth, colour):
+                border_colours(part.pixels, part.last, part.origin, places, worth, colour)
             if correction.size:
                 correct(colour, r2, correction)
 
@@ -179,22 +174,29 @@ def sample_into(
         _sample(part, view.numbers, _cells(ground, factor), limits, correction, out)
 
 
+@njit(cache=True, inline="always")
+def _between(place, first, last):
+    """The nearest cell to a place, the first of the two around it, and the share of the second one; cells are counted in a window
+    from `first` on, whose last one is `last`."""
+    low = int(np.floor(place)) - first
+    cell = min(max(low, 0), max(last - 1, 0))
+    return min(max(int(np.floor(place + 0.5)) - first, 0), last), cell, min(max(place - (cell + first), 0.0), 1.0)
+
+
 @njit(cache=True)
 def _drape(heights, corner, first, step, divisor, limit, z):
     """Fills `z` with the heights of every `step`-th ortho pixel; `corner`, `first`: first row and column of the DSM window and of
     the pixels."""
     rows, cols = z.shape
-    row0, col0 = corner
     last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
+    near_c, left, share = np.empty(cols, np.int64), np.empty(cols, np.int64), np.empty(cols)
+    for j in range(cols):
+        near_c[j], left[j], share[j] = _between((first[1] + j * step + 0.5) / divisor - 0.5, corner[1], last_col)
     for i in range(rows):
-        y = (first[0] + i * step + 0.5) / divisor - 0.5
-        near_r = min(max(int(np.floor(y + 0.5)) - row0, 0), last_row)
-        r = min(max(int(np.floor(y)) - row0, 0), max(last_row - 1, 0))
+        near_r, r, t = _between((first[0] + i * step + 0.5) / divisor - 0.5, corner[0], last_row)
         for j in range(cols):
-            x = (first[1] + j * step + 0.5) / divisor - 0.5
-            near_c = min(max(int(np.floor(x + 0.5)) - col0, 0), last_col)
-            c = min(max(int(np.floor(x)) - col0, 0), max(last_col - 1, 0))
-            z[i, j] = heights[near_r, near_c]
+            c, s = left[j], share[j]
+            z[i, j] = heights[near_r, near_c[j]]
             # The last row and column of the model have no neighbour to interpolate with.
             if last_row < 1 or last_col < 1 or np.isnan(z[i, j]):
                 continue
@@ -203,7 +205,6 @@ def _drape(heights, corner, first, step, divisor, limit, z):
             lowest, highest = min(min(a, b), min(d, e)), max(max(a, b), max(d, e))
             if np.isnan(a + b + d + e) or highest - lowest > limit:
                 continue
-            s, t = min(max(x - (c + col0), 0.0), 1.0), min(max(y - (r + row0), 0.0), 1.0)
             z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
 
 
@@ -214,9 +215,12 @@ def _slopes(heights, cell, rows, cols, dx, dy):
     last_row, last_col = heights.shape[0] - 1, heights.shape[1] - 1
     for i in range(rows.size):
         r = rows[i]
+        # Several ortho pixels follow each other in a cell, both ways.
+        if i > 0 and r == rows[i - 1]:
+            dx[i], dy[i] = dx[i - 1], dy[i - 1]
+            continue
         north, south = max(r - 1, 0), min(r + 1, last_row)
         for j in range(cols.size):
-            # Several ortho pixels follow each other in a cell.
             if j > 0 and cols[j] == cols[j - 1]:
                 dx[i, j], dy[i, j] = dx[i, j - 1], dy[i, j - 1]
                 continue
