@@ -31,7 +31,7 @@ BLOCK, FINE_BLOCK = 16, 4
 WALL = 2.0
 """A step between neighbouring cells of more than this many cells is a wall, not a slope."""
 # Factor on the tolerance: beyond this slope the noise of the model no longer grows with it, for its cells smooth it.
-_MOST_SLOPE = 2.0
+MOST_SLOPE = 2.0
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class HeightModel:
     window: Window
 
     @cached_property
-    def terrain(self) -> "_Terrain":
+    def terrain(self) -> "Terrain":
         """The model for the kernels, the same for all views."""
         heights = np.ascontiguousarray(self.heights, np.float32)
         ceilings = _ceiling(heights, BLOCK), _ceiling(heights, FINE_BLOCK)
         top = float(ceilings[0].max(initial=-np.inf))
-        return _Terrain(heights, *ceilings, top, self.window.row, self.window.col, WALL * self.grid.cell)
+        return Terrain(heights, *ceilings, top, self.window.row, self.window.col, WALL * self.grid.cell)
 
 
-class _Terrain(NamedTuple):
+class Terrain(NamedTuple):
     """The height model for the kernels: `ceiling` and `fine_ceiling` as from `_ceiling`, `top` the greatest height, `row`, `col` of
     the first cell in the whole model, `wall` in m."""
 
@@ -64,7 +64,7 @@ class _Terrain(NamedTuple):
     wall: float
 
 
-class _Centre(NamedTuple):
+class CentrePlace(NamedTuple):
     """The projection centre in columns and rows of the whole model, and m."""
 
     col: float
@@ -128,13 +128,26 @@ def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
         return np.where(holes, total / weights, heights).astype(np.float32)
 
 
+@njit(cache=True)
+def _block_maxima(heights, side, out):
+    """Raises `out`, -inf at first, to the greatest heights of blocks of `side` x `side` cells."""
+    rows, cols = heights.shape
+    # First over the rows of the blocks, many columns at a time.
+    tops = np.empty(cols, np.float32)
+    for first in range(0, rows, side):
+        tops[:] = -np.inf
+        for r in range(first, min(first + side, rows)):
+            for c in range(cols):
+                # A comparison with NaN is false: a hole has no height.
+                tops[c] = heights[r, c] if heights[r, c] > tops[c] else tops[c]
+        for c in range(cols):
+            out[first // side, c // side] = max(out[first // side, c // side], tops[c])
+
+
 def _ceiling(heights: np.ndarray, side: int) -> np.ndarray:
     """Per block of `side` x `side` cells, the greatest height in it and in the blocks around it; -inf where there is none."""
-    rows, cols = -(-heights.shape[0] // side), -(-heights.shape[1] // side)
-    padded = np.full((rows * side, cols * side), -np.inf, np.float32)
-    padded[: heights.shape[0], : heights.shape[1]] = np.where(np.isnan(heights), -np.inf, heights)
-    # One axis after the other: the maximum over rows runs through memory in order.
-    blocks = padded.reshape(rows, side, cols * side).max(axis=1).reshape(rows, cols, side).max(axis=2)
+    blocks = np.full((-(-heights.shape[0] // side), -(-heights.shape[1] // side)), -np.inf, np.float32)
+    _block_maxima(heights, side, blocks)
     return cv2.dilate(blocks, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
 
 
@@ -209,17 +222,30 @@ def _is_free(terrain, row, col, z, start, centre):
 
 
 @njit(cache=True)
+def march_row(terrain, centre, row, cols, z, slope, tolerance, asked, answer, out):
+    """Changes `out` (C,) from `asked` to `answer` at those targets of a row that the centre sees; row and cols (C,) in cells of the
+    whole model, z (C,) m, slope (C,) and tolerance as in `visible_targets`."""
+    # Positions are counted in the whole model, so that rounding is the same whatever the window.
+    for j in range(cols.size):
+        if out[j] != asked or np.isnan(z[j]) or centre.z <= z[j]:
+            continue
+        # Noise of the model displaces a slope horizontally as well, so a steep target gets a larger tolerance.
+        start = z[j] + tolerance * (1.0 + min(slope[j], MOST_SLOPE))
+        if _is_free(terrain, row, cols[j], z[j], start, centre):
+            out[j] = answer
+
+
+@njit(cache=True)
 def _march(terrain, centre, rows, cols, z, slope, tolerance, out):
     """Sets `out` to 1 at the targets that the centre sees."""
-    # Positions are counted in the whole model, so that rounding is the same whatever the window.
     for i in range(rows.size):
-        for j in range(cols.size):
-            if np.isnan(z[i, j]) or centre.z <= z[i, j]:
-                continue
-            # Noise of the model displaces a slope horizontally as well, so a steep target gets a larger tolerance.
-            start = z[i, j] + tolerance * (1.0 + min(slope[i, j], _MOST_SLOPE))
-            if _is_free(terrain, rows[i], cols[j], z[i, j], start, centre):
-                out[i, j] = 1
+        march_row(terrain, centre, rows[i], cols, z[i], slope[i], tolerance, np.uint8(0), np.uint8(1), out[i])
+
+
+def centre_of(model: HeightModel, view: View) -> CentrePlace:
+    """The projection centre of a view for the kernels."""
+    col, row = model.grid.pixel(view.centre[0], view.centre[1])
+    return CentrePlace(float(col), float(row), float(view.centre[2]))
 
 
 @dataclass(frozen=True)
@@ -244,11 +270,9 @@ def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance:
     here.
     """
     out = np.zeros(targets.z.shape, np.uint8)
-    col, row = model.grid.pixel(view.centre[0], view.centre[1])
-    centre = _Centre(float(col), float(row), float(view.centre[2]))
     rows, cols = np.asarray(targets.rows, np.float64), np.asarray(targets.cols, np.float64)
     z, slope = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope))
-    _march(model.terrain, centre, rows, cols, z, slope, tolerance, out)
+    _march(model.terrain, centre_of(model, view), rows, cols, z, slope, tolerance, out)
     return out
 
 
@@ -260,8 +284,11 @@ def _by_distance(hidden, table, out):
     far = np.int32(table.size - 1)
     reach = int(np.sqrt(far))
     # First along the rows, then the least sum of squares over the rows around: exact, and in time with the narrow width only.
-    aside = np.empty((rows, cols), np.int32)
+    aside, without = np.empty((rows, cols), np.int32), np.empty(rows, np.bool_)
     for r in range(rows):
+        without[r] = not hidden[r].any()
+        if without[r]:
+            continue
         near = reach + 1
         for c in range(cols):
             near = 0 if hidden[r, c] else near + 1
@@ -275,6 +302,8 @@ def _by_distance(hidden, table, out):
     for r in range(rows):
         nearest[:] = far
         for other in range(max(r - reach, 0), min(r + reach + 1, rows)):
+            if without[other]:
+                continue
             square = np.int32((other - r) ** 2)
             for c in range(cols):
                 nearest[c] = min(nearest[c], aside[other, c] + square)

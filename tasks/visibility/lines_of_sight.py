@@ -9,31 +9,54 @@ The depth in a photograph breaks where places beside each other are seen and hid
 ends.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numba import njit
 
-from orthomill.tasks.geometry.view import View, in_frame
-from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
+from orthomill.tasks.geometry.view import FIELD_MARGIN, View, empty_row, frame_row
+from orthomill.tasks.visibility.height_model import HeightModel, Targets, centre_of, march_row
 from orthomill.tasks.visibility.sight import PlaceSight
 
+_HIDDEN, _SEEN, _BEHIND = (np.uint8(code) for code in (PlaceSight.HIDDEN, PlaceSight.SEEN, PlaceSight.BEHIND_ESTIMATE))
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
+class _PlaceRows(NamedTuple):
+    """`HeightPlaces` for the kernel: places x (C,), y (R,) m and in cells of the whole model; heights, slopes and what these may be
+    higher, (R, C)."""
+
+    x: np.ndarray
+    y: np.ndarray
+    cols: np.ndarray
+    rows: np.ndarray
+    z: np.ndarray
+    slope: np.ndarray
+    above: np.ndarray
+    tolerance: float
+
+
 @njit(cache=True)
-def _fill_codes(known, inside, free, passing, out):
-    """Codes of places (rows, cols) without regard to breaks; all bool: with a height, in the frame, free, and free but for
-    what may not be there."""
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            if not inside[i, j]:
-                out[i, j] = PlaceSight.OUTSIDE if known[i, j] else PlaceSight.NOWHERE
-            elif free[i, j]:
-                out[i, j] = PlaceSight.SEEN
-            else:
-                out[i, j] = PlaceSight.BEHIND_ESTIMATE if passing[i, j] else PlaceSight.HIDDEN
+def _look(n, widest, centre, surface, certain, places, out):
+    """Fills the codes `out` (R, C) without regard to breaks; surface, certain: terrains of all heights and of those that hide for
+    certain."""
+    line, higher = empty_row(places.x.size), np.empty(places.x.size, np.float32)
+    for i in range(places.y.size):
+        z, row, slope, codes = places.z[i], places.rows[i], places.slope[i], out[i]
+        frame_row(n, places.x, places.y[i], z, widest, line)
+        for j in range(places.x.size):
+            inside = line.border[j] >= 0.0
+            codes[j] = PlaceSight.HIDDEN if inside else PlaceSight.NOWHERE if np.isnan(z[j]) else PlaceSight.OUTSIDE
+        march_row(surface, centre, row, places.cols, z, slope, places.tolerance, _HIDDEN, _SEEN, codes)
+        # Only what something hides is asked again: a few per cent of the ground.
+        for j in range(places.x.size):
+            higher[j] = z[j] + places.above[i, j]
+            if codes[j] == _HIDDEN and np.isinf(places.above[i, j]):
+                codes[j] = _BEHIND
+        march_row(certain, centre, row, places.cols, higher, slope, places.tolerance, _HIDDEN, _BEHIND, codes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,21 +77,19 @@ class HeightPlaces:
 
     def sights(self, view: View) -> np.ndarray:
         """uint8 (R, C) codes of PlaceSight."""
-        inside, z = self._framed(view), self.targets.z
-        shown = replace(self.targets, z=np.where(inside, z, np.float32(np.nan)))
-        free = visible_targets(self.surface, view, shown, self.tolerance) > 0
-        # Only what something hides is asked again: a few per cent of the ground.
-        behind = replace(shown, z=np.where(free, np.float32(np.nan), shown.z + self.above))
-        passing = visible_targets(self.certain, view, behind, self.tolerance) > 0
-        out = np.empty(z.shape, np.uint8)
-        _fill_codes(np.isfinite(z), inside, free, passing | np.isinf(self.above), out)
+        out = np.empty(self.targets.z.shape, np.uint8)
+        centre = centre_of(self.surface, view)
+        _look(view.numbers, FIELD_MARGIN * view.field, centre, self.surface.terrain, self.certain.terrain, self._places, out)
         hidden = (out == PlaceSight.HIDDEN) | (out == PlaceSight.BEHIND_ESTIMATE)
         if hidden.any():
-            out[free & (cv2.dilate(hidden.astype(np.uint8), _NEIGHBOURS) > 0)] = PlaceSight.AT_BREAK
+            beside = cv2.dilate(hidden.astype(np.uint8), _NEIGHBOURS) > 0
+            out[beside & (out == PlaceSight.SEEN)] = PlaceSight.AT_BREAK
         return out
 
-    def _framed(self, view: View) -> np.ndarray:
-        """bool (R, C): places in the frame of a view."""
-        grid = self.surface.grid
-        x, y = grid.west + (self.targets.cols + 0.5) * grid.cell, grid.north - (self.targets.rows + 0.5) * grid.cell
-        return in_frame(view, x, y, self.targets.z)
+    @cached_property
+    def _places(self) -> _PlaceRows:
+        grid, targets = self.surface.grid, self.targets
+        cols, rows = np.asarray(targets.cols, np.float64), np.asarray(targets.rows, np.float64)
+        x, y = grid.west + (cols + 0.5) * grid.cell, grid.north - (rows + 0.5) * grid.cell
+        z, slope, above = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope, self.above))
+        return _PlaceRows(x, y, cols, rows, z, slope, above, float(self.tolerance))
