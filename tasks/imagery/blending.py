@@ -121,7 +121,8 @@ class _Work(NamedTuple):
 
 class _Row(NamedTuple):
     """A row of pixels (cols,) float32: greatest and total weight, number of values; centre and mean colour (cols, bands); the
-    greatest squared distance from the centre, the sum of absolute differences from the mean."""
+    greatest squared distance from the centre, the sum of absolute differences from the mean; `odd` uint8: whether a rule
+    changes the pixel."""
 
     greatest: np.ndarray
     total: np.ndarray
@@ -130,6 +131,7 @@ class _Row(NamedTuple):
     colour: np.ndarray
     farthest: np.ndarray
     apart: np.ndarray
+    odd: np.ndarray
 
 
 @njit(cache=True, inline="always")
@@ -322,38 +324,75 @@ def _average_row(colours, weights, i, power, bands, row, seen):
             row.apart[j] += apart if keep else zero
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def _tell_row(row, images, i, bands):
+    """Writes the pixels of row i as if no value were rejected."""
+    # One plain loop for each array: what several of them write could overlap, and would be computed pixel by pixel.
+    colour, used, difference = images.colour[i], images.used[i], images.difference[i]
+    for j in range(row.number.size):
+        for band in range(bands):
+            colour[j, band] = row.colour[j, band]
+    for j in range(row.number.size):
+        used[j] = np.uint8(row.number[j])
+    for j in range(row.number.size):
+        difference[j] = (
+            row.apart[j] / (row.number[j] * np.float32(bands)) if row.number[j] > np.float32(1.0) else np.float32(np.nan)
+        )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _find_odd(row, rules, bands):
+    """Marks in `row.odd` the pixels that a rule changes, or may change, and turns the total weights of the others into inverse
+    ones; 0 for those without any."""
+    one, two, zero = np.float32(1.0), np.float32(2.0), np.float32(0.0)
+    # About a median, a value is at most twice as far in every band as the farthest one is from the mean.
+    agreed = np.float32(rules.least**2 * (bands if rules.centre == Centre.MEAN else 0.25))
+    agreed = np.float32(np.inf) if rules.centre == Centre.NONE else agreed
+    alike = two if rules.two_limit > 0.0 else zero
+    best = np.float32(0.0 if rules.power > 2 else min(rules.best, MOST) if rules.best > 0 else MOST)
+    for j in range(row.number.size):
+        count = row.number[j]
+        row.odd[j] = ((count > two) & (row.farthest[j] > agreed)) | (count > best) | ((count == alike) & (count > zero))
+    for j in range(row.number.size):
+        row.total[j] = one / row.total[j] if (row.total[j] > zero) & (row.odd[j] == 0) else zero
+
+
+@njit(cache=True, error_model="numpy")
+def _plain_row(colours, weights, i, rules, row, images):
+    """Blends the pixels of row i as if no value were rejected."""
+    # The number of bands is written out, so that the compiler sees the few loops over them as one block.
+    bands = colours.shape[3]
+    if bands == 3:
+        _average_row(colours, weights, i, rules.power, 3, row, images.seen[i])
+        _tell_row(row, images, i, 3)
+    else:
+        _average_row(colours, weights, i, rules.power, bands, row, images.seen[i])
+        _tell_row(row, images, i, bands)
+    _find_odd(row, rules, bands)
+
+
+# The order of a sum of shares is free, so that many of them are added at a time.
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def _share(weight, row, power):
+    """The sum over a row of pixels of a photo's part in the colour; row.total: the inverse total weight, 0 where it has none."""
+    share, least, zero = np.float32(0.0), np.float32(RESERVE), np.float32(0.0)
+    for j in range(weight.size):
+        own = weight[j] if weight[j] > least * row.greatest[j] else zero
+        share += (own * own if power == 2 else own) * row.total[j]
+    return share
+
+
 @njit(cache=True)
 def _blend(colours, weights, broken, rules, images, row, values, work):
-    photos, rows, cols, bands = colours.shape
-    # About a median, a value is at most twice as far in every band as the farthest one is from the mean.
-    agreed = rules.least**2 * (bands if rules.centre == Centre.MEAN else 0.25)
+    photos, rows, cols, _ = colours.shape
     for i in range(rows):
-        # The number of bands is written out, so that the compiler sees the few loops over them as one block.
-        if bands == 3:
-            _average_row(colours, weights, i, rules.power, 3, row, images.seen[i])
-        else:
-            _average_row(colours, weights, i, rules.power, bands, row, images.seen[i])
+        _plain_row(colours, weights, i, rules, row, images)
         for j in range(cols):
-            count = row.number[j]
-            if count == 0:
-                continue
-            alike = rules.centre == Centre.NONE or count < 3 or row.farthest[j] <= agreed
-            if not alike or (count == 2 and rules.two_limit > 0.0) or 0 < rules.best < count or rules.power > 2 or count > MOST:
+            if row.odd[j]:
+                images.difference[i, j] = np.nan
                 _blend_pixel(colours, weights, broken, i, j, row.greatest[j], rules, images, values, work)
-                row.total[j] = 0.0
-                continue
-            images.used[i, j] = count
-            for band in range(bands):
-                images.colour[i, j, band] = row.colour[j, band]
-            if count > 1:
-                images.difference[i, j] = row.apart[j] / (count * bands)
         for p in range(photos):
-            share = 0.0
-            for j in range(cols):
-                if row.total[j] > 0.0 and weights[p, i, j] > RESERVE * row.greatest[j]:
-                    own = weights[p, i, j]
-                    share += (own * own if rules.power == 2 else own) / row.total[j]
-            images.share[p] += share
+            images.share[p] += _share(weights[p, i], row, rules.power)
 
 
 def blend(colours: np.ndarray, weights: np.ndarray, how: Blend, broken: np.ndarray | None = None) -> Blended:
@@ -378,7 +417,8 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend, broken: np.ndarr
         int(_CENTRES[rejection.centre]), float(rejection.k), float(rejection.least), how.power, how.best, float(how.two_limit)
     )
     images = _Images(result.colour, result.used, result.rejected, result.share, result.seen, result.difference)
-    lines = [np.empty((cols, bands) if wide else cols, np.float32) for wide in (False, False, False, True, True, False, False)]
+    kinds = [(cols, np.float32)] * 3 + [((cols, bands), np.float32)] * 2 + [(cols, np.float32)] * 2 + [(cols, np.uint8)]
+    lines: list[np.ndarray] = [np.empty(shape, kind) for shape, kind in kinds]
     work = _Work(np.empty(MOST, np.bool_), *(np.empty(MOST, kind) for kind in (float, float, float, float, np.int64)))
     pixels = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
     breaks = np.zeros((0, 0, 0), np.bool_) if broken is None else np.ascontiguousarray(broken, np.bool_)
