@@ -213,46 +213,75 @@ class _Reduced(NamedTuple):
 
 def _reduced(channel: _Channel, ground: np.ndarray, x: np.ndarray) -> _Reduced:
     """The normal equations of one iteration, linearised at the ground brightness and the parameters `x` (4 photos,)."""
-    a = x.reshape(-1, TERMS)[channel.photo]
-    slope = a[:, 0] + channel.r2 * (a[:, 1] + channel.r2 * a[:, 2])
-    residual = channel.g - slope * ground[channel.point] - a[:, 3]
+    slope, residual = np.empty(len(channel.g)), np.empty(len(channel.g))
+    _compare(channel.first, channel.photo, channel.r2, channel.g, ground, x.reshape(-1, TERMS), slope, residual)
     sigma = max(_MAD_TO_SIGMA * float(np.median(np.abs(residual))), _LEAST_SIGMA)
     weight = np.minimum(1.0, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
-    G = ground[channel.point]
-    # The products gain v1 and gain v2 are the unknowns, in which the model is linear.
-    design = np.column_stack([G, channel.r2 * G, channel.r2**2 * G, np.ones(len(G))])
-    coupling = (weight * slope)[:, None] * design
-    # The ground's own block is diagonal, for every sample has one brightness: it is eliminated point by point.
-    D = np.bincount(channel.point, weight * slope**2, channel.points)
-    right_ground = np.bincount(channel.point, weight * slope * residual, channel.points)
-    right = (weight * residual)[:, None] * design - (right_ground / D)[channel.point, None] * coupling
-    rights = [np.bincount(channel.photo, right[:, term], channel.photos) for term in range(TERMS)]
     rows, cols = np.nonzero(channel.seen_together)
     place = np.zeros(channel.seen_together.shape, np.int64)
     place[rows, cols] = np.arange(len(rows))
-    blocks = np.zeros((len(rows), TERMS, TERMS))
-    _add_blocks(channel.first, channel.photo, weight, design, coupling, 1.0 / D, place, blocks)
+    blocks, right = np.zeros((len(rows), TERMS, TERMS)), np.zeros((channel.photos, TERMS))
+    sums = _NormalSums(blocks, right, np.empty((len(weight), TERMS)), np.zeros(channel.points), np.zeros(channel.points))
+    _add_points(channel.first, channel.photo, channel.r2, ground, _RowFit(slope, residual, weight), place, sums)
     size = channel.photos * TERMS
     pointers = np.searchsorted(rows, np.arange(channel.photos + 1))
     normal = sparse.bsr_matrix((blocks, cols, pointers), shape=(size, size))
-    return _Reduced(normal, np.column_stack(rights).ravel(), coupling, D, right_ground)
+    return _Reduced(normal, right.ravel(), sums.coupling, sums.ground_normal, sums.ground_right)
+
+
+class _RowFit(NamedTuple):
+    """Of each row (N,): derivative of its grey value by the ground's brightness, residual, weight."""
+
+    slope: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+
+
+class _NormalSums(NamedTuple):
+    """The arrays of `_Reduced` for the kernel, which fills them: blocks of pairs of photos, right side (photos, 4)."""
+
+    blocks: np.ndarray
+    right: np.ndarray
+    coupling: np.ndarray
+    ground_normal: np.ndarray
+    ground_right: np.ndarray
 
 
 @njit(cache=True)
-def _add_blocks(first, photo, weight, design, coupling, shares, place, blocks):
-    """Adds the normal equations of all points, each without its brightness, to the blocks of the pairs of photos; place (photos,
-    photos): number of their block."""
+def _compare(first, photo, r2, g, ground, a, slope, residual):
+    """Fills slope and residual (N,) at the parameters a (photos, 4)."""
     for p in range(first.size - 1):
         for k in range(first[p], first[p + 1]):
-            own = blocks[place[photo[k], photo[k]]]
+            own = a[photo[k]]
+            slope[k] = own[0] + r2[k] * (own[1] + r2[k] * own[2])
+            residual[k] = g[k] - slope[k] * ground[p] - own[3]
+
+
+@njit(cache=True)
+def _add_points(first, photo, r2, ground, fit, place, sums):
+    """Adds the normal equations of all points, each without its brightness; place (photos, photos): number of a pair's block."""
+    design = np.empty(TERMS)
+    for p in range(first.size - 1):
+        # The ground's own block is diagonal, for every sample has one brightness: it is eliminated point by point.
+        for k in range(first[p], first[p + 1]):
+            sums.ground_normal[p] += fit.weight[k] * fit.slope[k] ** 2
+            sums.ground_right[p] += fit.weight[k] * fit.slope[k] * fit.residual[k]
+        share, level = 1.0 / sums.ground_normal[p], sums.ground_right[p] / sums.ground_normal[p]
+        for k in range(first[p], first[p + 1]):
+            # The products gain v1 and gain v2 are the unknowns, in which the model is linear.
+            design[0], design[1], design[2], design[3] = ground[p], r2[k] * ground[p], r2[k] ** 2 * ground[p], 1.0
+            own, right, weight = sums.blocks[place[photo[k], photo[k]]], sums.right[photo[k]], fit.weight[k]
             for i in range(TERMS):
+                sums.coupling[k, i] = weight * fit.slope[k] * design[i]
+                right[i] += weight * fit.residual[k] * design[i] - level * sums.coupling[k, i]
                 for j in range(TERMS):
-                    own[i, j] += weight[k] * design[k, i] * design[k, j]
+                    own[i, j] += weight * design[i] * design[j]
+        for k in range(first[p], first[p + 1]):
             for m in range(first[p], first[p + 1]):
-                block = blocks[place[photo[k], photo[m]]]
+                block = sums.blocks[place[photo[k], photo[m]]]
                 for i in range(TERMS):
                     for j in range(TERMS):
-                        block[i, j] -= coupling[k, i] * coupling[m, j] * shares[p]
+                        block[i, j] -= sums.coupling[k, i] * sums.coupling[m, j] * share
 
 
 def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
