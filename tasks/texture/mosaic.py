@@ -154,7 +154,7 @@ def _targets(ground: Ground, dsm: MapGrid) -> Targets:
     """The ground's pixels as targets of the visibility test."""
     x, y = ground.grid.centres(ground.window)
     cols, rows = dsm.pixel(x, y)
-    return Targets(rows, cols, ground.z, np.hypot(ground.dx, ground.dy))
+    return Targets(rows, cols, ground.z, np.sqrt(ground.dx * ground.dx + ground.dy * ground.dy))
 
 
 def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules, ground: np.ndarray | None) -> np.ndarray:
@@ -214,8 +214,11 @@ def _scene(
 def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
     """Codes of PlaceSight of a photo, corrected where the model is blurred and hides nothing for certain: there the photographs
     whose colour is that of the pixel's surface see it, and no others; where there are none the model decides."""
-    own = np.where(sharp.alike[number], np.maximum(sight, np.uint8(PlaceSight.BEHIND_ESTIMATE)), np.uint8(PlaceSight.HIDDEN))
-    return np.where(sharp.doubtful & sharp.alike.any(axis=0), own, sight)
+    codes, own = sight.ravel(), sharp.alike[number].ravel()[sharp.told]
+    codes[sharp.told] = np.where(
+        own, np.maximum(codes[sharp.told], np.uint8(PlaceSight.BEHIND_ESTIMATE)), np.uint8(PlaceSight.HIDDEN)
+    )
+    return codes.reshape(sight.shape)
 
 
 def _factor(sight: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
@@ -241,9 +244,9 @@ def _weigh(sight, worth, factor):
 
 def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -> np.ndarray:
     """Values of the DSM cells `place` at the ortho pixels `window`."""
-    rows = np.arange(window.row, window.row + window.height) // divisor - place.row
-    cols = np.arange(window.col, window.col + window.width) // divisor - place.col
-    return cells[np.ix_(rows, cols)]
+    near = window.reduced(divisor)
+    pixels = np.repeat(np.repeat(cells[near.within(place).slices], divisor, axis=1), divisor, axis=0)
+    return pixels[window.within(near.scaled(divisor)).slices]
 
 
 def _feather(view: View, rules: TextureRules) -> float:
@@ -303,13 +306,13 @@ def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], 
 
 
 def _statistics(coverage: np.ndarray, rejected: np.ndarray, sources: np.ndarray, names: list[str], tally: _Tally) -> TileTexture:
-    none, one, two, more = np.bincount(np.minimum(coverage, 3).ravel(), minlength=4).tolist()
+    none, one, two = (int(np.count_nonzero(coverage == count)) for count in range(3))
     outside, hidden, missed = tally.empty.tolist()
     return TileTexture(
         pixels=coverage.size,
-        seen=(none, one, two, more),
+        seen=(none, one, two, coverage.size - none - one - two),
         most=int(coverage.max()),
-        heights=tuple(np.bincount(sources.ravel(), minlength=len(HeightSource)).tolist()),
+        heights=tuple(int(np.count_nonzero(sources == code)) for code in HeightSource),
         outside=outside,
         hidden=hidden,
         missed=missed,

@@ -67,6 +67,11 @@ class SharpenedGround:
     doubtful: np.ndarray
     alike: np.ndarray
 
+    @cached_property
+    def told(self) -> np.ndarray:
+        """Places, in the pixels as one row, of the doubtful ones whose surface some photograph shows."""
+        return np.flatnonzero(self.doubtful & self.alike.any(axis=0))
+
 
 def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos: list[BalancedPhotograph]) -> SharpenedGround:
     """The ground sharpened at walls.

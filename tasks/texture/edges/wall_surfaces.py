@@ -149,6 +149,10 @@ def _divide(heights, smooth, near, wall, upper, lower):
     around = _Around(np.empty(most), np.empty(most), np.empty(most), np.empty(most))
     storeys = _Storeys(np.zeros(_INTERVALS, np.int64), np.empty(_INTERVALS), np.empty(_INTERVALS))
     limit = (_FLAT * wall) ** 2
+    shares = np.empty((2 * REACH + 1, 2 * REACH + 1))
+    for i in range(-REACH, REACH + 1):
+        for j in range(-REACH, REACH + 1):
+            shares[i + REACH, j + REACH] = 1.0 / (_NEAR + i**2 + j**2)
     for r in range(rows):
         for c in range(cols):
             if not near[r, c]:
@@ -158,7 +162,7 @@ def _divide(heights, smooth, near, wall, upper, lower):
                 for j in range(max(c - REACH, 0), min(c + REACH + 1, cols)):
                     if smooth[i, j]:
                         around.heights[count], around.right[count], around.down[count] = heights[i, j], j - c, i - r
-                        around.weights[count] = 1.0 / (_NEAR + (i - r) ** 2 + (j - c) ** 2)
+                        around.weights[count] = shares[i - r + REACH, j - c + REACH]
                         count += 1
             gap, middle = _gap_between(around.heights, count, wall, storeys)
             if gap == 0.0:
