@@ -125,14 +125,17 @@ def _write(path: Path, values: np.ndarray, crs: str | None = None, grid: MapGrid
 
 
 def own_speed(name: str, store: Store, folder: Path, balance: Balance) -> tuple[Speed, float]:
-    """orthomill's speed, and the cell of its orthoimage (m)."""
-    # The peer reads plain files: decoding the chunks of the store is no part of making an orthoimage.
+    """orthomill's speed, and the cell of its orthoimage (m); `folder` holds the photographs as GeoTIFFs."""
+    # Both read plain files: decoding the chunks of the store is no part of making an orthoimage.
     names = [name for name in store.names() if name.startswith("photos/") or name in SURFACE_RASTERS]
     rasters = {name: store.read(name, store.spec(name).full) for name in names}
     texture_run(store, **rasters).run(TextureStage(balance=balance), crop=Window(0, 0, 1, 1))  # compiles
     run = texture_run(store, **rasters)
     run.run(TextureStage(balance=balance))
     started = time.process_time()
+    for photo in store.table(BLOCK).names:
+        with rasterio.open(folder / f"{photo}.tif") as source:
+            source.read()
     surface = store.table(SURFACE)
     divisor = run.made[ORTHO].shape[0] // surface.grid.rows
     grid = surface.grid.model_copy(update={"cell": surface.grid.cell / divisor})
@@ -140,6 +143,13 @@ def own_speed(name: str, store: Store, folder: Path, balance: Balance) -> tuple[
     coverage = run.made[COVERAGE]
     seconds = run.seconds + time.process_time() - started
     return Speed(name, int(coverage.sum(dtype=np.int64)), int((coverage > 0).sum()), seconds), grid.cell
+
+
+def write_photographs(store: Store, folder: Path) -> None:
+    """The photographs as both programs read them."""
+    for name in store.table(BLOCK).names:
+        spec = store.spec(photo_raster(name))
+        _write(folder / f"{name}.tif", store.read(spec.name, spec.full))
 
 
 def peer_task(store: Store, folder: Path, cell: float) -> Path:
@@ -157,8 +167,6 @@ def peer_task(store: Store, folder: Path, cell: float) -> Path:
 
 
 def _peer_photo(store: Store, block: Block, name: str, folder: Path) -> dict[str, Any]:
-    spec = store.spec(photo_raster(name))
-    _write(folder / f"{name}.tif", store.read(spec.name, spec.full))
     camera, orientation = block.camera_of(name), block.of(name)
     lens = {key: camera.value(key) for key in ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2")}
     place = {"centre": orientation.centre, "omega_phi_kappa": orientation.omega_phi_kappa}
@@ -217,6 +225,7 @@ def main(arguments: list[str]) -> None:
     folder, python = Path(arguments[0]), arguments[1] if len(arguments) > 1 else sys.executable
     store = Store(folder)
     with tempfile.TemporaryDirectory() as scratch:
+        write_photographs(store, Path(scratch))
         whole, cell = own_speed("orthomill", store, Path(scratch), BlockBalance())
         plain, _ = own_speed("orthomill, brightness not balanced", store, Path(scratch), NoBalance(kind="none"))
         peer = peer_speed(python, peer_task(store, Path(scratch), cell))
