@@ -8,6 +8,7 @@ may be off where pairs are right, so a height also enters near the middle one of
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numba import njit
 from scipy import ndimage
@@ -54,7 +55,8 @@ class HeightStack:
 def _calm(reference: np.ndarray) -> np.ndarray:
     known = ndimage.minimum_filter(np.isfinite(reference), _AROUND)
     # The middle one of a square that holds NaN would depend on the order in which they are compared.
-    return np.where(known, ndimage.median_filter(np.nan_to_num(reference), _AROUND), np.nan)
+    wide = np.pad(np.nan_to_num(reference).astype(np.float32), REACH, mode="symmetric")
+    return np.where(known, cv2.medianBlur(wide, _AROUND)[REACH:-REACH, REACH:-REACH], np.nan)
 
 
 @njit(cache=True)
