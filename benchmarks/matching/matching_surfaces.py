@@ -21,8 +21,11 @@ from benchmarks.matching.matching_windows import SHAPES
 from benchmarks.matching.published_recipe import published
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, hidden, match_pair
+from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.pair_start import pair_start
+from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, hidden, match_pair, nodes_near
 from orthomill.tasks.matching.least_squares.matching import Matches
+from orthomill.tasks.matching.smoothing import with_gaps
 from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
@@ -102,8 +105,9 @@ def rectified(crop: PairCrop) -> tuple[np.ndarray, np.ndarray, int]:
     return crop.left, crop.right[first : first + len(crop.left)], crop.left_origin[0] - crop.right_origin[0]
 
 
-def stage_line(texture: GroundTexture, window: Window, pair: str, radiometry: PairRadiometry) -> str:
-    """The row of the stage's own matcher: the pair alone gives the start; nodes 2 px apart, all that least squares returns."""
+def stage_lines(texture: GroundTexture, window: Window, pair: str, radiometry: PairRadiometry) -> list[str]:
+    """The rows of the stage's own matcher, nodes 2 px apart, all that least squares returns: the pair alone gives the start; and
+    near a start that is there, as the pairs of a project are matched near the heights of all photographs."""
     part = Window(window.row, window.col, min(window.height, _STAGE), min(window.width, _STAGE))
     crop = pair_crop(texture, part, _MARGIN, radiometry)
     left, right, apart = rectified(crop)
@@ -117,10 +121,18 @@ def stage_line(texture: GroundTexture, window: Window, pair: str, radiometry: Pa
         found = match_pair(left, right, low, high)
         return np.where(found.outcome == Outcome.CONVERGED, found.parallax, np.nan)
 
-    found = timed(match)
+    plain = with_gaps(left), with_gaps(right)
+    start = pair_start(*plain, low, high)
     places = slice(_MARGIN // 2, _MARGIN // 2 + len(rows)), slice(_MARGIN // 2, _MARGIN // 2 + len(cols))
-    error = np.abs(found.columns[places].ravel() - truth)
-    return _dense_line("as the stage runs it, nodes 2 px apart", pair, found.columns.size, found.seconds, error)
+    lines = []
+    for name, work in (
+        ("as the stage runs it, nodes 2 px apart", match),
+        ("the same near a start that is there", lambda: nodes_near(*plain, start, DenseMatching()).parallax),
+    ):
+        found = timed(work)
+        error = np.abs(found.columns[places].ravel() - truth)
+        lines.append(_dense_line(name, pair, found.columns.size, found.seconds, error))
+    return lines
 
 
 def _dense_line(name: str, pair: str, nodes: int, seconds: float, error: np.ndarray) -> str:
@@ -145,7 +157,7 @@ def dense_page(texture: GroundTexture, window: Window) -> list[str]:
         for name, work in synthetic_methods(crop, grid).items():
             found = timed(work)
             lines.append(_dense_line(name, pair, len(truth), found.seconds, np.abs(found.columns - truth[:, 0])))
-        lines.append(stage_line(texture, window, pair, radiometry))
+        lines += stage_lines(texture, window, pair, radiometry)
     return lines
 
 

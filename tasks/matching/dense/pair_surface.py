@@ -101,14 +101,19 @@ def match_pair(
     plain = with_gaps(left), with_gaps(right)
     # The volume compares signs of differences: smoothing would only widen its edges.
     start = pair_start(*plain, low, high, volume)
-    smooth_left, smooth_right = (smoothed(image, matching.smoothing) for image in plain)
+    return _completed(nodes_near(*plain, start, matching), start, right.shape[1], matching)
+
+
+def nodes_near(left: np.ndarray, right: np.ndarray, start: PairStart, matching: DenseMatching) -> NodeParallaxes:
+    """The nodes of the pair that least squares matches near a start, `matching.step` px apart; images (H, W), (H, W') float32, NaN
+    without data."""
+    smooth_left, smooth_right = (smoothed(image, matching.smoothing) for image in (left, right))
     surface = StartSurface(start.parallax, 1)
     y_parallax = residual_y_parallax(smooth_left, smooth_right, surface, 0)
     if np.isfinite(y_parallax):
         smooth_right = moved_rows(smooth_right, np.float32(y_parallax))
     rows, cols = (matching.step * np.arange(-1, -(-side // matching.step) + 1) for side in left.shape)
-    nodes = consistent(match_nodes(smooth_left, smooth_right, surface, rows, cols, 0, matching.limits), matching)
-    return _completed(nodes, start, right.shape[1], matching)
+    return consistent(match_nodes(smooth_left, smooth_right, surface, rows, cols, 0, matching.limits), matching)
 
 
 def _check_pair(left: np.ndarray, right: np.ndarray, low: float, high: float) -> None:
