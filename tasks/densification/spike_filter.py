@@ -79,7 +79,7 @@ def _spikes(height, near, sigmas, min_support, floor):
                 # Differences from the cell, not heights: the one-pass variance below loses its digits with large values.
                 d = np.float64(there[c + x]) - np.float64(here[c])
                 known = d == d
-                d = d if known else 0.0
+                d = d if known else np.float64(0.0)
                 count[c] += 1.0 if known else 0.0
                 support[c] += 1.0 if known & (abs(d) <= limit) else 0.0
                 total[c] += d
