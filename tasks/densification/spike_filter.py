@@ -63,35 +63,27 @@ class _Neighbours(NamedTuple):
 @njit(cache=True)
 def _spikes(height, near, sigmas, min_support, floor):
     """(rows, cols) bool of heights (rows, cols) m; floor: m."""
-    rows, cols = height.shape
     out = np.zeros(height.shape, np.bool_)
-    count, support, total, squares = np.empty((4, cols))
-    for r in range(rows):
-        count[:], support[:], total[:], squares[:] = 0.0, 0.0, 0.0, 0.0
-        here = height[r]
-        for k in range(near.down.size):
-            y, x = r + near.down[k], near.right[k]
-            if not 0 <= y < rows:
+    for r in range(height.shape[0]):
+        for c in range(height.shape[1]):
+            here = np.float64(height[r, c])
+            if here != here:
                 continue
-            there, limit = height[y], near.support[k]
-            # All cells of a row at once: without a branch, vectors of them are computed together.
-            for c in range(max(0, -x), min(cols, cols - x)):
-                # Differences from the cell, not heights: the one-pass variance below loses its digits with large values.
-                d = np.float64(there[c + x]) - np.float64(here[c])
-                known = d == d
-                d = d if known else np.float64(0.0)
-                count[c] += 1.0 if known else 0.0
-                support[c] += 1.0 if known & (abs(d) <= limit) else 0.0
-                total[c] += d
-                squares[c] += d * d
-        for c in range(cols):
-            if here[c] != here[c]:
+            n, support, total, squares = 0, 0, 0.0, 0.0
+            for k in range(near.down.size):
+                y, x = r + near.down[k], c + near.right[k]
+                if 0 <= y < height.shape[0] and 0 <= x < height.shape[1] and height[y, x] == height[y, x]:
+                    # differences from the cell, not heights: the one-pass variance below loses its digits with large values
+                    d = np.float64(height[y, x]) - here
+                    n += 1
+                    support += abs(d) <= near.support[k]
+                    total += d
+                    squares += d * d
+            if support < min_support or n < 2:
+                out[r, c] = support < min_support
                 continue
-            if support[c] < min_support or count[c] < 2:
-                out[r, c] = support[c] < min_support
-                continue
-            mean = total[c] / count[c]
-            deviation = np.sqrt(max(squares[c] / count[c] - mean * mean, 0.0) * count[c] / (count[c] - 1))
+            mean = total / n
+            deviation = np.sqrt(max(squares / n - mean * mean, 0.0) * n / (n - 1))
             # the floor: on a flat roof sigma tends to zero and every noise would be a spike
             out[r, c] = abs(mean) > max(sigmas * deviation, floor)
     return out
