@@ -29,6 +29,33 @@ class Header(BaseModel):
     """The file has tags that cannot be read; `tags` is empty."""
 
 
+Fix = Literal["fixed", "float", "single", "none"]
+"""How a receiver found a position: carrier phases with integer ambiguities, with real ones, code alone, or not at all."""
+
+HeightKind = Literal["ellipsoidal", "sea_level", "barometric", "relative"]
+"""What the heights of the tags refer to: the ellipsoid, the sea, the sea by the air pressure (a constant of metres to hundreds of
+metres unknown), or the place of take-off."""
+
+
+class FactoryCamera(BaseModel):
+    """The interior orientation that the tags give, in pixels of the file and the conventions of `Camera`; of the sensor, before the
+    photograph is turned upright."""
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: Literal["calibrated", "design"]
+    """`calibrated`: measured at the factory or by the maker's program for this very camera; `design`: that of its drawings"""
+    c: float
+    affinity: float = 0.0
+    x0: float = 0.0
+    y0: float = 0.0
+    k1: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+
+
 def tag_text(tags: Mapping[str, str], name: str) -> str:
     """An EXIF tag as text without padding, "" when it is absent; under its plain name ("Model") or GDAL's ("EXIF_Model")."""
     return (tags.get(name) or tags.get(f"EXIF_{name}") or "").strip("\0 \t\r\n")
@@ -64,8 +91,27 @@ class Photo(BaseModel):
     position: tuple[float, float, float] | None = None
     """Projection centre X, Y, Z in the project's CRS from GNSS or EXIF, m."""
     position_sigma: tuple[float, float, float] | None = None
+    fix: Fix | None = None
+    """How its position was found, where tags or the positions file say so."""
+    height_kind: HeightKind | None = None
+    """What `altitude` and the height of `position` refer to, where tags or the positions file say so."""
+    relative_height: float | None = None
+    """m above the place of take-off, by the tags"""
     attitude: tuple[float, float, float] | None = None
     """omega, phi, kappa in degrees, rough: from the positions file or the tags of the gimbal"""
+    attitude_of: Literal["gimbal", "aircraft", "file"] | None = None
+    """Where `attitude` comes from: gimbals hold a direction to some tenths of a degree, an aircraft leans by several."""
+    serial: str | None = None
+    """Serial number of the camera or of the drone that carries it; two of one model are two cameras."""
+    flight: int = 0
+    """Number of the flight: photographs of one receiver without a long break, which share the errors of its positions."""
+    factory: FactoryCamera | None = None
+    dewarped: bool = False
+    """Its distortion was removed in the camera."""
+    zoom: float = 1.0
+    """Digital zoom: how many times the camera constant in pixels was enlarged."""
+    band: str | None = None
+    """Name of the spectral band of a multispectral camera; None for colour and ordinary grey photographs."""
     # Affine and not a similarity: film shrinks differently along and across, and scanners have two scales.
     scan: tuple[float, float, float, float, float, float] | None = None
     """A scan in the frame of its fiducial marks: col = s0 + s1 col_file + s2 row_file, row = s3 + s4 col_file + s5 row_file, where
