@@ -80,6 +80,24 @@ class DatumMisfit(_Finding):
     """median misfit before the adjustment, in standard errors"""
 
 
+class BlockBent(_Finding):
+    """Heights bend over the block against its positions, or its photographs diverge from their attitudes."""
+
+    code: Literal["block_bent"] = "block_bent"
+    bend_m: float
+    """from the middle of the block to its ends; negative: the ends are too low"""
+    extent_m: float
+    """of the photographs"""
+    pixels: float
+    """the bend in pixels on the ground"""
+    scatter_m: float | None
+    """of the positions about the bend; None: they show none"""
+    views_deg: float | None
+    """by which directions of view diverge from the attitudes over the block; None: they do not"""
+    grave: bool
+    """it is more than models of lenses leave"""
+
+
 class LooksUpward(_Finding):
     """According to the control, the photographs look up from below the ground."""
 
@@ -172,6 +190,18 @@ class ConstantNominal(_Finding):
     """its standard error in units of c"""
     guessed: bool = False
     """no tag told a focal length"""
+
+
+class InteriorDemanded(_Finding):
+    """The block demanded the principal point and k3 of a nominal camera, which are otherwise kept."""
+
+    code: Literal["interior_demanded"] = "interior_demanded"
+    camera: str
+    x0_px: float
+    y0_px: float
+    k3: float
+    sigma0_px: tuple[float, float]
+    """without and with them"""
 
 
 class PrincipalPointMoved(_Finding):
@@ -360,6 +390,7 @@ BlockFinding = Annotated[
     | TiltUnobserved
     | ControlOnALine
     | DatumMisfit
+    | BlockBent
     | LooksUpward
     | AxesExchanged
     | DistortionFolds
@@ -369,6 +400,7 @@ BlockFinding = Annotated[
     | ConstantContradicted
     | LensContradicted
     | ConstantNominal
+    | InteriorDemanded
     | PrincipalPointMoved
     | ImageErrorsCorrelated
     | ControlContradicted

@@ -93,8 +93,12 @@ class OrientationStage(Stage):
         "From the projection centre to the GNSS antenna, in the image system: x right, y up, z backwards, away from the ground.",
         "m",
     )
-    lever_sigma: float = setting(
-        0.0, "Standard error of the lever arm, which is then adjusted; 0: exactly known, not adjusted.", "m", ge=0
+    lever_sigma: float | None = setting(
+        None,
+        "Standard error of the lever arm, which is then adjusted; 0: exactly known, not adjusted; null: 0.05 m for positions that "
+        "are more precise than that in plan, else 0.",
+        "m",
+        ge=0,
     )
     looking: Looking = setting(
         "auto",

@@ -14,7 +14,10 @@ Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "
 
 NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
 """Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
-numbers. Its k3 is fixed at 0: with k1 and k2 free and nothing known of any, it would only follow the noise at the border."""
+numbers. Its k3 is fixed at 0 until the block demands it: with k1 and k2 free and nothing known of any, it would only follow the
+noise at the border."""
+UNKNOWN_SIGMA = {"k3": 0.3}
+"""Standard errors of parameters that are fixed until a block demands them: as large as those of lenses that have been measured."""
 
 
 class FixedInterior(Settings):

@@ -15,6 +15,7 @@ from orthomill.tasks.adjustment.model.datum import (
     position_residuals,
 )
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Factors, Group, ObservationKind, surveyed
+from orthomill.tasks.adjustment.testing.position_trend import without_bend
 
 # One position has three coordinates: with less, a single observation would judge itself.
 LEAST_REDUNDANCY_OF_GROUP = 3.0
@@ -81,10 +82,13 @@ def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
 
 
 def _position_share(result: Adjustment) -> tuple[float, float]:
-    """Weighted square sum and redundancy of the GNSS positions."""
+    """Weighted square sum and redundancy of the GNSS positions; heights that bend over the block count without that bend: it is no
+    error of the receiver, and larger standard errors would only hide it."""
     weight = result.network.centre_weight
-    square = (weight * position_residuals(result.network, result.state) ** 2).sum()
     photos = np.flatnonzero(weight.any(axis=1))
+    residual = position_residuals(result.network, result.state)[photos]
+    residual[:, 2] = without_bend(result.state.centre[photos, :2], residual[:, 2])
+    square = (weight[photos] * residual**2).sum()
     # Of the sum centre + lever arm + shift, for that is what was observed; its parts are correlated.
     variance = np.diagonal(position_covariances(result, photos), axis1=1, axis2=2)
     return float(square), _known(weight) - float((weight[photos] * variance).sum())

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from orthomill.schemas.camera import Cameras
+from orthomill.schemas.camera import INTERIOR, Cameras
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit, InteriorFixed
 from orthomill.schemas.observations import Control, TiePoints
@@ -21,7 +21,7 @@ from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior, is_guessed
-from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
@@ -34,8 +34,9 @@ from orthomill.tasks.orientation.block.assembly import (
     starting_values,
     taking_part,
 )
-from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested
+from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
+from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.lens_test import contradicted_lenses
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
@@ -46,6 +47,7 @@ from orthomill.tasks.orientation.reporting.finding_sentences import finding_sent
 from orthomill.tasks.orientation.results.adjustment_results import block_precision
 from orthomill.tasks.orientation.results.block_results import block_table, ground_points, image_residuals
 from orthomill.tasks.orientation.results.block_tables import BlockTables
+from orthomill.tasks.orientation.results.contradictions import agreeing_positions
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
@@ -64,22 +66,26 @@ positions apart from a common shift."""
 REJECTED = 4.0
 """Residual, in standard errors of a coordinate, from which on a measurement is as good as rejected where two blocks are compared"""
 
+LEVER_SIGMA = 0.05
+"""m: by which positions that a receiver has reduced to the camera still miss it: several lenses in one housing, a time between
+trigger and exposure. Positions that are less precise do not show it."""
+
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
 
 class BlockChoices(Settings):
-    """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error of
-    the mean vertical where it is needed (degrees) and how the photographs look then, the limit of the blunder test in standard
-    errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known), and what of the interior
-    orientation varies from photograph to photograph."""
+    """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error
+    of the mean vertical where it is needed (degrees) and how the photographs look then, the limit of the blunder test in standard
+    errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known; None: as receivers leave
+    it), and what of the interior orientation varies from photograph to photograph."""
 
     interior: InteriorChoice
     gnss_shift: bool
     vertical_sigma: float
     rejection: float
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    lever_sigma: float = 0.0
+    lever_sigma: float | None = None
     looking: Looking = "auto"
     variation: VariationChoice = NoVariation(kind="none")
 
@@ -267,6 +273,8 @@ def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unor
             parts = [_without_datum(have, parts[0])]
         elif isinstance(attempt.outcome, GeometryError):
             raise attempt.outcome
+        elif returned := _with_agreeing(have, attempt, attempt.outcome, parts):
+            parts = returned
         else:
             return _results(have, attempt, attempt.outcome), left_out
 
@@ -316,7 +324,7 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
-    network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    network = network.with_lever(choices.lever_arm, _lever_sigma(choices, problem), choices.gnss_shift)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
         network = replace(network, variation=variation_of(choices.variation, motion))
@@ -325,13 +333,43 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
     fixed = choices.interior.kind == "fixed"
     try:
-        tested = adjust_tested(network, state.with_lever(network.lever), rays, test, problem.camera_names, fixed)
+        held = _held(network, problem, choices.interior)
+        tested = adjust_with_demanded(network, state.with_lever(network.lever), rays, test, problem.camera_names, held, fixed)
         weak = away_from_its_position(tested.result, datum.positions_aside)
     except GeometryError as error:
         # Without a result there are no rejected rays, so all that are sufficiently observed are judged.
         weak = weakest(network, state, sufficiently_observed(network, rays))
         return _Attempt(problem, datum, rays, findings, error, weak, str(error))
     return _Attempt(problem, datum, rays, findings, tested, weak, AWAY)
+
+
+def _held(network: Network, problem: Problem, choice: InteriorChoice) -> np.ndarray:
+    """(C, 17) bool: interior parameters that the rule of nominal cameras keeps, and not the workflow."""
+    nominal = np.array([choice.kind == "weighted" and camera.source == "exif" for camera in problem.cameras])
+    named = np.isin(INTERIOR, choice.parameters if choice.kind == "weighted" else ())
+    return held_by_rule(network.interior, nominal, named)
+
+
+def _with_agreeing(have: _Input, attempt: _Attempt, tested: Tested, parts: list[Part]) -> list[Part]:
+    """The parts with those positions that the start had set aside, and that agree with the adjusted block; none where there are
+    none.
+
+    The start compares with a rough model; what agrees afterwards was set aside without need, and its absence may leave a tilt open.
+    """
+    agree = agreeing_positions(_results(have, attempt, tested))
+    if not agree:
+        return []
+    back = [np.isin([have.material.names[i] for i in part.start.photos], agree) for part in parts]
+    datums = [replace(p.datum, positions_aside=p.datum.positions_aside & ~own) for p, own in zip(parts, back, strict=True)]
+    return [replace(part, datum=datum) for part, datum in zip(parts, datums, strict=True)]
+
+
+def _lever_sigma(choices: BlockChoices, problem: Problem) -> float:
+    """m: as stated; else that of receivers whose positions show it, and 0 where their own errors hide it."""
+    if choices.lever_sigma is not None:
+        return choices.lever_sigma
+    plan = problem.known.position_sigma[problem.known.positioned, :2]
+    return LEVER_SIGMA if len(plan) and np.median(plan) < LEVER_SIGMA else 0.0
 
 
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:

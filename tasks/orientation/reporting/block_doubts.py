@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.findings.block_findings import (
     AxesExchanged,
+    BlockBent,
     BlockElsewhere,
     BlockFinding,
     BlockSeparate,
@@ -24,6 +25,7 @@ from orthomill.tasks.orientation.reporting.control_sentences import control_sent
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
 GRAVE = (
+    BlockBent,
     NoDatum,
     ControlUnmet,
     LooksUpward,
@@ -48,11 +50,14 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     # is the least of it.
     control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
     told = told_findings(facts.control, facts.precision)
-    graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_found(finding)]
+    graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_minor(finding)]
     found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))
     yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
 
 
-def _is_found(finding: BlockFinding) -> bool:
-    """Whether the block found a camera constant that nothing gave: then there is none that it contradicts."""
+def _is_minor(finding: BlockFinding) -> bool:
+    """Whether the block found a camera constant that nothing gave, so that there is none that it contradicts; or a bend as small as
+    models of lenses leave."""
+    if isinstance(finding, BlockBent):
+        return not finding.grave
     return isinstance(finding, ConstantContradicted) and finding.guessed and not finding.fixed

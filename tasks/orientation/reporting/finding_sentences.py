@@ -8,6 +8,7 @@ from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.block_findings import (
     AxesExchanged,
+    BlockBent,
     BlockElsewhere,
     BlockFinding,
     BlockSeparate,
@@ -25,6 +26,7 @@ from orthomill.schemas.findings.block_findings import (
     DistortionFolds,
     GroupsUnconnected,
     ImageErrorsCorrelated,
+    InteriorDemanded,
     InteriorFixed,
     InteriorUndetermined,
     InteriorUnweighted,
@@ -113,6 +115,22 @@ def datum_misfit(finding: DatumMisfit) -> str:
     return (
         f"The known positions and the shape of the block disagree: the median misfit before the adjustment is {finding.ratio:.0f} "
         "standard errors. Positions, their standard errors or the CRS may be wrong."
+    )
+
+
+@finding_sentence.register
+def block_bent(finding: BlockBent) -> str:
+    how = []
+    if finding.scatter_m is not None:
+        how.append(f"against the positions of its photographs, which scatter by only {_rounded(finding.scatter_m)} m about that")
+    if finding.views_deg is not None:
+        how.append(f"against their attitudes, from which the directions of view diverge by {abs(finding.views_deg):.1f} degrees")
+    shape = "a dome" if finding.bend_m < 0 else "a bowl"
+    return (
+        f"The block bends by {_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m ({finding.pixels:.0f} pixels on the "
+        f"ground, {shape}) {', and '.join(how)}: not the receiver but the camera is wrong. Give the camera's calibration or the "
+        "standard errors of RTK positions, add strips across at another height or oblique photographs, or measure control in the "
+        "middle and at the ends."
     )
 
 
@@ -222,6 +240,17 @@ def constant_nominal(finding: ConstantNominal) -> str:
         f"Without control the camera constant of {finding.camera} ({what}, {finding.c:.0f} px, within "
         f"{100 * finding.share:.0f} %) cannot be told from the flying height: heights are uncertain by the same share. Calibrate "
         "the camera, or give three control points."
+    )
+
+
+@finding_sentence.register
+def interior_demanded(finding: InteriorDemanded) -> str:
+    before, after = finding.sigma0_px
+    found = f"x0 = {finding.x0_px:.1f} px, y0 = {finding.y0_px:.1f} px and k3 = {finding.k3:.3g}"
+    return (
+        f"The tags of {finding.camera} leave its principal point and its outer distortion open, and its photographs fit together "
+        f"only with {found} (sigma0 {before:.3f} px without, {after:.3f} px with them), which were adjusted: without them heights "
+        "would bend over the block. A calibration of the camera saves that."
     )
 
 

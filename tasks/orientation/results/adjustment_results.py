@@ -20,6 +20,7 @@ from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
+from orthomill.tasks.orientation.shape.bent_block import bent_block
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -57,6 +58,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         common_share=result.correlated.share if result.correlated else None,
         white_sigma=_white_sigmas(problem, result),
         findings=(
+            *bent_block(results),
             *results.datum.findings,
             *contradictions(results, points, distances, control),
             *results.findings,

@@ -78,6 +78,14 @@ def contradicting_points(results: BlockResults) -> list[GroundResidual]:
     return [row for row in rows if row.name in tested or _ratio(row) > AGREES]
 
 
+def agreeing_positions(results: BlockResults) -> list[str]:
+    """The photographs whose positions the start set aside although they agree with the adjusted block."""
+    if results.datum.free:
+        return []
+    aside = {name for name, out in zip(results.problem.names, results.datum.positions_aside, strict=True) if out}
+    return [row.name for row in position_rows(results) if row.name in aside and _ratio(row) <= AGREES]
+
+
 def _ratio(row: GroundResidual) -> float:
     """The largest component of a difference in predicted standard errors."""
     return max(abs(d) / max(s, 1e-9) for d, s in zip(row.difference, row.predicted, strict=True))

@@ -108,7 +108,8 @@ def _loss(miss: np.ndarray, bonus: float, trusted: np.ndarray) -> float:
     # Not all of the control must agree: single points may be misidentified or mistyped.
     agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
     # Truncated at 1, so that a point far off costs no more than one that is just outside; the bonus outweighs all points.
-    return float(np.minimum(miss, 1.0).sum()) - bonus - (len(miss) if agreed else 0.0)
+    # Squared, so that a whole strip is not given up for the others to fit better: a free model bends within the tolerance.
+    return float((np.minimum(miss, 1.0) ** 2).sum()) - bonus - (len(miss) if agreed else 0.0)
 
 
 def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
