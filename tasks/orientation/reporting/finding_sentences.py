@@ -125,12 +125,13 @@ def block_bent(finding: BlockBent) -> str:
         how.append(f"against the positions of its photographs, which scatter by only {_rounded(finding.scatter_m)} m about that")
     if finding.views_deg is not None:
         how.append(f"against their attitudes, from which the directions of view diverge by {abs(finding.views_deg):.1f} degrees")
-    shape = "a dome" if finding.bend_m < 0 else "a bowl"
+    size, pixels = f"{_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m", f"{finding.pixels:.0f} pixels on the ground"
+    what = f"The block bends by {size} ({pixels}, a {'dome' if finding.bend_m < 0 else 'bowl'}) {', and '.join(how)}"
+    if not finding.grave:
+        return f"{what}: about what a model of the lens leaves."
     return (
-        f"The block bends by {_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m ({finding.pixels:.0f} pixels on the "
-        f"ground, {shape}) {', and '.join(how)}: not the receiver but the camera is wrong. Give the camera's calibration or the "
-        "standard errors of RTK positions, add strips across at another height or oblique photographs, or measure control in the "
-        "middle and at the ends."
+        f"{what}: not the receiver but the camera is wrong. Give the camera's calibration or the standard errors of RTK positions, "
+        "add strips across at another height or oblique photographs, or measure control in the middle and at the ends."
     )
 
 

@@ -38,16 +38,20 @@ class ViewTrend:
 def view_trend(xy: np.ndarray, rotation: np.ndarray, up: np.ndarray) -> ViewTrend | None:
     """The trend of photographs at places (n, 2) m with `rotation` (n, 3, 3), world to image, against the directions `up` (n, 3) in
     their image systems that attitudes give; None for fewer than LEAST, and where they lie in one place."""
+    if len(xy) < LEAST:
+        return None
     away = xy - xy.mean(axis=0)
-    extent = 2.0 * float(np.linalg.norm(away, axis=1).max(initial=0.0))
-    if len(xy) < LEAST or not extent > 0:
+    extent = 2.0 * float(np.linalg.norm(away, axis=1).max())
+    if not extent > 0:
         return None
     # Where the attitude sees the vertical, in the world of the block: its horizontal part is the tilt that the attitude lacks, and
     # the direction of view differs by the opposite.
     turned = -np.einsum("nji,nj->ni", rotation, up)[:, :2]
-    off = turned - turned.mean(axis=0)
-    square = float((away**2).sum())
-    slope = float((away * off).sum() / square)
-    # Two means and the slope are taken from 2 n numbers.
-    scatter = np.sqrt(((off - slope * away) ** 2).sum() / (2 * len(xy) - 3))
-    return ViewTrend(slope, float(scatter / np.sqrt(square)), extent)
+    # Besides the slope: a tilt of the whole block, and a camera that is mounted askew, which turns with the heading.
+    tilt, askew = np.broadcast_to(np.eye(2), (len(xy), 2, 2)), rotation[:, :2, :2].transpose(0, 2, 1)
+    design = np.concatenate([away[:, :, None] / extent, tilt, askew], axis=2).reshape(-1, 5)
+    inverse = np.linalg.pinv(design, rcond=1e-3)
+    found = inverse @ turned.ravel()
+    redundancy = len(design) - np.linalg.matrix_rank(design, tol=1e-3 * np.linalg.norm(design, 2))
+    scatter = float(np.sqrt(((turned.ravel() - design @ found) ** 2).sum() / redundancy))
+    return ViewTrend(float(found[0]) / extent, scatter * float(np.linalg.norm(inverse[0])) / extent, extent)
