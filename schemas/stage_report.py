@@ -75,6 +75,9 @@ class Evidence(_ReportPart):
     rmse: float
     source: str
     """as it follows a class: `from 30 check points`"""
+    independent: bool = True
+    """Whether it rests on something that took no part in making the product: agreement of a product with the photographs that it
+    was made from may break a tolerance, but gives no class and proves none."""
     products: tuple[str, ...] = ()
     """Paths of the products that it is about; empty: all that have a class of this kind."""
 

@@ -24,11 +24,22 @@ def _of_product(product: Product, evidence: tuple[Evidence, ...], tolerances: To
         allowed = tolerances.plan if kind == "plan" else tolerances.height
         about = [e for e in evidence if e.of == kind and (not e.products or product.path in e.products)]
         for found in about:
-            met = f"{class_of(found.rmse)}-cm {_WORDS[kind]} class (ASPRS 2023) {found.source}"
-            yield f"{product.path}: {met}{_kept(found.rmse, allowed)}"
-        if not about:
+            met = f"{_met(found, kind)}{_kept(found.rmse, allowed)}" if found.independent else _agreement(found, allowed)
+            yield f"{product.path}: {met}"
+        if not any(found.independent for found in about):
             unknown = "" if allowed is None else f", nor whether it keeps the {allowed:g} m that are allowed"
             yield f"{product.path}: no {_WORDS[kind]} class, nothing independent tells its accuracy{unknown}"
+
+
+def _met(found: Evidence, kind: str) -> str:
+    return f"{class_of(found.rmse)}-cm {_WORDS[kind]} class (ASPRS 2023) {found.source}"
+
+
+def _agreement(found: Evidence, allowed: float | None) -> str:
+    """What a product and the photographs that it was made from say of each other: errors that both share are in neither."""
+    broken = allowed is not None and found.rmse > allowed
+    verdict = f"this breaks the {allowed:g} m that are allowed" if broken else "what both share is not seen, and no class follows"
+    return f"it and the photographs agree to {found.rmse:.3f} m {found.source}; {verdict}"
 
 
 def _kept(rmse: float, allowed: float | None) -> str:

@@ -216,13 +216,6 @@ _FIGURES = (
     ("proved", "%", "Share of the judged ground whose heights keep the tolerance: an error of its size would have been found."),
     ("broken", "%", "Share of the judged ground whose heights break the tolerance beyond doubt."),
     ("untold", "%", "Share of the judged ground of which the check cannot tell: it is not precise enough there."),
-    (
-        "vertical_class",
-        "cm",
-        "Vertical class (ASPRS 2023) of the corrections as they are, RMSE in whole centimetres; from the check alone, without "
-        "check "
-        "points: errors that surface and photographs share are not in it.",
-    ),
     ("shift_up", "m", "How far the surface from a file as a whole lies above the photographs."),
     ("shift_up_sigma", "m", "Its standard error."),
     ("shift_east", "m", "How far it lies too far east."),

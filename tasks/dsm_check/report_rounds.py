@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.stage_report import Evidence, Grid, Picture, class_of
+from orthomill.schemas.stage_report import Evidence, Grid, Picture
 from orthomill.schemas.surface import CHECK_CODES, CHECKED_CODE
 from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
 from orthomill.tasks.dsm_check.correction_map import POWER
@@ -100,24 +100,23 @@ def corrections_rms(coarse: np.ndarray) -> float | None:
 def check_evidence(coarse: np.ndarray, product: str) -> tuple[Evidence, ...]:
     """What the check says of the heights of the surface under test, a product of the project."""
     rms = corrections_rms(coarse)
-    source = "by the check without reference data, in which errors that surface and photographs share are not seen"
-    return () if rms is None else (Evidence(of="height", rmse=rms, source=source, products=(product,)),)
+    source = "by the check without reference data"
+    return () if rms is None else (Evidence(of="height", rmse=rms, source=source, independent=False, products=(product,)),)
 
 
 def tolerance_values(coarse: np.ndarray, significance: float, tolerance: float | None) -> Values:
-    """Shares of the judged ground that keep a tolerance (m), break it, or cannot be told, and the vertical class in cm, from the
-    blocks (rows, cols, 5) of the check."""
-    known, rms = coarse[is_judged(coarse)].astype(np.float64), corrections_rms(coarse)
+    """Shares of the judged ground that keep a tolerance (m), break it, or cannot be told, from the blocks (rows, cols, 5) of the
+    check."""
+    known = coarse[is_judged(coarse)].astype(np.float64)
     weight = known[:, CHECKED].sum()
-    values: Values = {"vertical_class": None if rms is None else class_of(rms)}
     if tolerance is None or not weight:
-        return values | dict.fromkeys(("proved", "broken", "untold"))
+        return dict.fromkeys(("proved", "broken", "untold"))
     size, sigma = np.abs(known[:, MEAN]), known[:, SIGMA]
     # Proved: what was found, and what the test might have missed beside it, are together within the tolerance.
     proved = size + POWER * sigma <= tolerance
     broken = size - significance * sigma > tolerance
     shares = [round(100 * float(known[cells, CHECKED].sum() / weight), 1) for cells in (proved, broken, ~proved & ~broken)]
-    return values | dict(zip(("proved", "broken", "untold"), shares, strict=True))
+    return dict(zip(("proved", "broken", "untold"), shares, strict=True))
 
 
 def rounds_grid(rounds: tuple[RoundState, ...]) -> tuple[Grid, ...]:

@@ -281,7 +281,6 @@ def test_a_tolerance_is_proved_broken_or_cannot_be_told():
     coarse[0, :, SIGMA] = (0.02, 0.05, 0.05, 0.5)
     values = tolerance_values(coarse, 5.0, 0.3)
     assert (values["proved"], values["broken"], values["untold"]) == (50.0, 25.0, 25.0)
-    assert values["vertical_class"] == 47
     assert tolerance_values(coarse, 5.0, None)["proved"] is None and tolerance_values(coarse * 0, 5.0, 0.3)["proved"] is None
 
 

@@ -199,30 +199,42 @@ def test_every_product_has_its_classes_by_source(folder):
         ),
         "dsm_check": StageReport(
             products=(Product(path="products/points", purpose="points", classed=("height",)),),
-            evidence=(Evidence(of="height", rmse=0.031, source="by the check", products=("products/dsm.tif",)),),
+            evidence=(Evidence(of="height", rmse=0.031, source="by the check", independent=False, products=("products/dsm.tif",)),),
         ),
     }
     assert list(product_classes(reports, folder, Tolerances())) == [
         "products/dsm.tif: 29-cm horizontal class (ASPRS 2023) from 8 check points",
         "products/dsm.tif: 29-cm vertical class (ASPRS 2023) from 8 check points",
-        "products/dsm.tif: 4-cm vertical class (ASPRS 2023) by the check",
+        "products/dsm.tif: it and the photographs agree to 0.031 m by the check; what both share is not seen, and no class follows",
         "products/points: 29-cm vertical class (ASPRS 2023) from 8 check points",
     ]
     alone = {"densification": reports["densification"]}
     assert all("nothing independent tells its accuracy" in line for line in product_classes(alone, folder, Tolerances()))
 
 
+def test_agreement_with_the_photographs_gives_no_class(folder):
+    """A surface that is bent by a metre agrees to centimetres with the photographs that bent it."""
+    agreement = Evidence(of="height", rmse=0.031, source="by the check", independent=False)
+    product = Product(path="products/dsm.tif", purpose="heights", classed=("height",))
+    reports = {"densification": StageReport(products=(product,), evidence=(agreement,))}
+    assert not any("-cm" in line for line in product_classes(reports, folder, Tolerances()))
+    kept, none = product_classes(reports, folder, Tolerances(height=0.1))
+    assert "no class follows" in kept and "keeps" not in kept
+    assert none.endswith("nothing independent tells its accuracy, nor whether it keeps the 0.1 m that are allowed")
+    assert "breaks the 0.02 m" in next(product_classes(reports, folder, Tolerances(height=0.02)))
+
+
 def test_every_product_is_held_against_what_the_survey_allows_by_each_source(folder):
     evidence = (
         Evidence(of="height", rmse=0.29, source="from 8 check points"),
-        Evidence(of="height", rmse=0.031, source="by the check"),
+        Evidence(of="height", rmse=0.031, source="by laser"),
     )
     product = Product(path="products/dsm.tif", purpose="heights", classed=("plan", "height"))
     reports = {"densification": StageReport(products=(product,), evidence=evidence)}
     plan, points, check = product_classes(reports, folder, Tolerances(plan=0.2, height=0.1))
     assert plan.endswith("nothing independent tells its accuracy, nor whether it keeps the 0.2 m that are allowed")
     assert points.endswith("from 8 check points; its RMSE of 0.290 m breaks the 0.1 m that are allowed")
-    assert check.endswith("by the check; its RMSE of 0.031 m keeps the 0.1 m that are allowed")
+    assert check.endswith("by laser; its RMSE of 0.031 m keeps the 0.1 m that are allowed")
 
 
 def test_a_statement_of_an_earlier_version_is_still_genuine(folder):
