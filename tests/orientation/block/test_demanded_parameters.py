@@ -1,4 +1,4 @@
-"""A nominal camera whose principal point and k3 are far off: the block demands them and does not bend; a sound one is left alone."""
+"""A nominal camera whose principal point and k3 are far off: its block demands them and does not bend; a sound one is left so."""
 
 import numpy as np
 import pytest
