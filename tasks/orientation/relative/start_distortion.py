@@ -16,7 +16,7 @@ from orthomill.tasks.orientation.folding import reach
 
 # Steps of 0.05: a remaining error of 0.025 moves a corner at 0.7 c by 0.9 % of c, within reach of the bundle adjustment. Barrel
 # distortion (negative) is larger than pincushion distortion in common lenses.
-_TRIED = (-0.2, -0.15, -0.1, -0.05, 0.05, 0.1)
+_TRIED = (-0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.05, 0.1)
 _FITTING = 0.95
 """No value is tried where this share of the matches fits: the rest are ordinary wrong matches."""
 _GAIN = 1.05
@@ -25,6 +25,9 @@ _MOST_PAIRS = 12
 """Each value relates so many pairs again; the strongest ones decide, and the time does not grow with the block."""
 _ROOM = 0.95
 """The farthest corner must lie within this share of the largest radius at which a distortion can be inverted."""
+
+LENS = slice(3, None)
+"""The coefficients of the lens in the order of INTERIOR."""
 
 Relating = Callable[[Cameras, list[tuple[str, str]]], list[RelativeOrientation]]
 """Orients pairs, given by the names of their photographs, with given cameras."""
@@ -39,11 +42,13 @@ class Distorted:
 
 
 def start_distortion(cameras: Cameras, found: list[RelativeOrientation], relate: Relating) -> Distorted:
-    """`found`: the pairs oriented without distortion. Only cameras from EXIF, which have none, are considered."""
+    """`found`: the pairs oriented without distortion. Only cameras from EXIF are considered, and of these
+    none whose tags give a distortion."""
     chosen: dict[str, float] = {}
     for name, camera in cameras.cameras.items():
         own = [pair for pair in found if {cameras.of_photo[pair.left], cameras.of_photo[pair.right]} == {name}]
-        if camera.source != "exif" or not own or _explained(own) >= _FITTING * sum(pair.matches for pair in own):
+        measured = camera.source != "exif" or any(camera.interior[LENS])
+        if measured or not own or _explained(own) >= _FITTING * sum(pair.matches for pair in own):
             continue
         strongest = sorted(own, key=lambda pair: -pair.matches)[:_MOST_PAIRS]
         names = [(pair.left, pair.right) for pair in strongest]
