@@ -98,18 +98,21 @@ def consensus(
     # Standard errors may be stated far too small for all points: any three of them would then agree with nobody but themselves.
     for factor in WIDENED:
         best = min(((miss / factor, bonus) for miss, bonus in misses), key=lambda one: _loss(one[0], one[1], trusted))[0]
-        if (best < 1.0).mean() >= 0.5:
+        if (best < 1.0).mean() >= 0.5 or _agreed(best, trusted):
             break
     return best
 
 
 def _loss(miss: np.ndarray, bonus: float, trusted: np.ndarray) -> float:
     """What residuals (n,) in units of their tolerances speak against a similarity."""
-    # Not all of the control must agree: single points may be misidentified or mistyped.
-    agreed = (miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum())
     # Truncated at 1, so that a point far off costs no more than one that is just outside; the bonus outweighs all points.
     # Squared, so that a whole strip is not given up for the others to fit better: a free model bends within the tolerance.
-    return float((np.minimum(miss, 1.0) ** 2).sum()) - bonus - (len(miss) if agreed else 0.0)
+    return float((np.minimum(miss, 1.0) ** 2).sum()) - bonus - (len(miss) if _agreed(miss, trusted) else 0.0)
+
+
+def _agreed(miss: np.ndarray, trusted: np.ndarray) -> bool:
+    """Whether the control agrees: not all of it must, for single points may be misidentified or mistyped."""
+    return bool((miss[trusted] < 1.0).sum() >= max(3, 0.7 * trusted.sum()))
 
 
 def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:

@@ -27,6 +27,19 @@ SPOKEN = [
     (f.TiltUnobserved(tilt_sigma_deg=2.0, basis="attitude", sigma_deg=1.9), ["determine only to 2.0 degrees", "attitudes"]),
     (f.ControlOnALine(), ["nearly on one line", "Add control"]),
     (f.DatumMisfit(ratio=12.4), ["12 standard errors", "CRS"]),
+    (
+        f.BlockBent(bend_m=-0.59, extent_m=61.0, pixels=27.3, scatter_m=0.007, views_deg=-6.2, grave=True),
+        [
+            "bends by 0.59 m over 61 m (27 pixels on the ground, a dome)",
+            "scatter by only 0.007 m",
+            "6.2 degrees",
+            "not the receiver",
+        ],
+    ),
+    (
+        f.BlockBent(bend_m=0.074, extent_m=47.0, pixels=3.1, scatter_m=None, views_deg=1.1, grave=False),
+        ["bends by 0.074 m", "a bowl", "about what a model of the lens leaves"],
+    ),
     (f.LooksUpward(), ["upwards from below", "X and Y"]),
     (f.AxesExchanged(exchanged_m=0.021, given_m=321.0), ["to 0.02 m", "only to 321.00 m", "Exchange X and Y in the file"]),
     (
@@ -57,6 +70,10 @@ SPOKEN = [
     ),
     (f.ConstantNominal(camera="cam", c=1165.0, share=0.03), ["(nominal, from EXIF, 1165 px, within 3 %)", "three control points"]),
     (f.ConstantNominal(camera="cam", c=1165.0, share=0.25, guessed=True), ["(guessed, as no tag tells it, 1165 px, within 25 %)"]),
+    (
+        f.InteriorDemanded(camera="cam", x0_px=-7.1, y0_px=-14.4, k3=-0.13, sigma0_px=(0.138, 0.112)),
+        ["x0 = -7.1 px, y0 = -14.4 px and k3 = -0.13", "sigma0 0.138 px without, 0.112 px with", "heights would bend"],
+    ),
     (f.PrincipalPointMoved(camera="cam", moved_px=31.4), ["of cam moved 31 px", "fix x0 and y0"]),
     (
         f.ImageErrorsCorrelated(rms_px=0.71, camera_share=0.8, parameter="c", owner="cam", sigma=6.0, white_sigma=1.5),
