@@ -157,16 +157,37 @@ class PhotoRemarkCode(StrEnum):
     """`photos` lie at least `distance_km` from all others, too far for one block; their positions are used all the same."""
     ROTATED_WITHOUT_FLAG = "rotated_without_flag"
     """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
+    OWN_PRECISION = "own_precision"
+    """The tags of photographs state how good their positions are, and this is used; `detail`: how they were found."""
+    BELOW_SEA = "below_sea"
+    """EXIF says that photographs were taken below the sea, other tags or photographs that they were not: taken as above it."""
+    ALL_BELOW_SEA = "all_below_sea"
+    """EXIF says of all photographs that they were taken below the sea, far enough to be a mistake; `detail`: the height."""
+    HEIGHT_ABOVE_START = "height_above_start"
+    """GPSAltitude is the height above the take-off; the maker's height is used in its place."""
+    HEIGHTS_DIFFER = "heights_differ"
+    """EXIF and the maker's tags give different heights; those of EXIF are used."""
+    RELATIVE_HEIGHTS = "relative_heights"
+    """The only heights of photographs are those above the place of take-off."""
+    FACTORY_CAMERA = "factory_camera"
+    """The tags of photographs hold a calibration, which is the start of the adjustment."""
+    DEWARPED = "dewarped"
+    """The distortion of photographs was removed in the camera."""
+    DIGITAL_ZOOM = "digital_zoom"
+    """Photographs were enlarged in the camera; `detail`: by how much."""
+    SEVERAL_SERIALS = "several_serials"
+    """Cameras of one model have different serial numbers; `photos`: the names of the cameras."""
 
 
 class PhotoRemark(BaseModel):
-    """One remark: its code, the photographs (or files) that it concerns, and the distance of a stray position."""
+    """One remark: its code, the photographs (or files) that it concerns, the distance of a stray position, what else is told."""
 
     model_config = ConfigDict(frozen=True)
 
     code: PhotoRemarkCode
     photos: tuple[str, ...]
     distance_km: float | None = None
+    detail: str = ""
 
 
 class Photos(BaseModel):

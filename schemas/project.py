@@ -134,10 +134,14 @@ CameraSource = Annotated[CameraFromExif | CameraFromFile | CameraGiven | CameraF
 class PositionsFromExif(Settings):
     """Projection centres from the GPS tags."""
 
-    # The defaults are those of a consumer receiver without corrections; with RTK the positions come from a file.
+    # What is stated here holds for all photographs, also for those whose tags state more or less.
     kind: Literal["exif"]
-    sigma_plan: float = setting(3.0, "Standard error in X and Y.", "m", gt=0)
-    sigma_height: float = setting(5.0, "Standard error in Z.", "m", gt=0)
+    sigma_plan: float | None = setting(
+        None, "Standard error in X and Y; by default each photograph's own by its tags (RTK), 3 where they state none.", "m", gt=0
+    )
+    sigma_height: float | None = setting(
+        None, "Standard error in Z; by default each photograph's own by its tags (RTK), 5 where they state none.", "m", gt=0
+    )
 
 
 class PositionsFromFile(Settings):

@@ -2,13 +2,12 @@
 
 A file is checked before it is decoded: is it an image at all (the content decides, not the name), is it complete (its end marker),
 is it of a sensible size and kind. Every refusal names the file and says what to do. Only three of GDAL's drivers are allowed, and
-no sidecar file is read. EXIF tags are passed on as text under their plain names ("FocalLength", "GPSLatitude"), uninterpreted.
+no sidecar file is read. Tags are passed on as text, uninterpreted (image_tags.py).
 """
 
 import fnmatch
 import mmap
 import os
-import re
 import threading
 import warnings
 from collections.abc import Iterator
@@ -22,6 +21,7 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window as GdalWindow
 
+from orthomill.pipeline.storage.tags.image_tags import image_tags
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.project import PhotoFiles
@@ -57,7 +57,6 @@ _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 """Start-of-frame markers of progressive JPEG (ISO/IEC 10918-1, table B.1)."""
 _LARGE_BLOCK = 1024
 """rows of a block of a TIFF beyond which tiles would decode it many times"""
-_GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
 
 
 def is_image_name(name: str) -> bool:
@@ -113,7 +112,7 @@ def read_header(path: Path) -> Header:
             bands=bands,
             dtype=dataset.dtypes[0],
             decoding=_decoding(path, dataset),
-            tags={} if damaged else _tags(dataset),
+            tags={} if damaged else image_tags(path, dataset),
             damaged_tags=damaged,
         )
 
@@ -280,22 +279,6 @@ def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
     if any(dtype not in ("uint8", "uint16") for dtype in dataset.dtypes):
         raise PhotoError(f"{shown(path)} holds {dataset.dtypes[0]} values; save it with 8 or 16 bits per band.")
     return bands
-
-
-def _tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
-    """EXIF tags without GDAL's prefix, and TIFF's own baseline tags under the names that EXIF gives them."""
-    # GDAL keeps the EXIF tags of a JPEG in the default domain, those of a TIFF in the domain EXIF.
-    found = {**dataset.tags(), **dataset.tags(ns="EXIF")}
-    tags = {name.removeprefix("EXIF_"): value for name, value in found.items() if name.startswith("EXIF_")}
-    for tiff, exif in (("TIFFTAG_MAKE", "Make"), ("TIFFTAG_MODEL", "Model"), ("TIFFTAG_DATETIME", "DateTime")):
-        if tiff in found:
-            tags.setdefault(exif, found[tiff])
-    return {**tags, **_gimbal_tags(dataset.tags(ns="xml:XMP"))}
-
-
-def _gimbal_tags(xmp: dict[str, str]) -> dict[str, str]:
-    """The attitude of a drone's camera: GimbalYawDegree, GimbalPitchDegree and GimbalRollDegree, as attributes or as elements."""
-    return dict(_GIMBAL.findall(next(iter(xmp.values()), "")))
 
 
 def _check_jpeg_end(path: Path) -> None:

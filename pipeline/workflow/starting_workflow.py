@@ -253,7 +253,7 @@ def _positions(survey: Survey) -> Iterator[str]:
     yield "  kind: exif"
     for name in ("sigma_plan", "sigma_height"):
         field = variants(Project.model_fields["positions"].annotation)["exif"].model_fields[name]
-        yield f"  # {name}: {flow(field.default)}  # {sentence(field)} [{unit(field)}]"
+        yield f"  # {name}:  # {sentence(field)} [{unit(field)}]"
 
 
 def _control(survey: Survey) -> Iterator[str]:

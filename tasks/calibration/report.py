@@ -58,12 +58,23 @@ def cameras_report(cameras: Cameras, shared: SharedCameras) -> StageReport:
 
 
 def _verdict(cameras: tuple[Camera, ...]) -> Verdict:
-    nominal = sum(camera.source == "exif" for camera in cameras)
+    nominal = sum(_is_nominal(camera) for camera in cameras)
     if nominal:
         which = "The camera is" if len(cameras) == 1 else f"{nominal} of {len(cameras)} cameras are"
         return Verdict(level="fair", sentence=f"{which} known from EXIF only, without lens distortion; a calibration is better.")
-    sources = sorted({_SOURCES[camera.source] for camera in cameras})
+    sources = sorted({_source(camera) for camera in cameras})
     return Verdict(level="good", sentence=f"Interior orientation {' and '.join(sources)}.")
+
+
+def _is_nominal(camera: Camera) -> bool:
+    """Whether the tags gave a camera without distortion: not a calibration."""
+    return camera.source == "exif" and not any(camera.value(name) for name in ("k1", "k2", "p1", "p2"))
+
+
+def _source(camera: Camera) -> str:
+    return (
+        "calibrated by the maker, from the tags" if camera.source == "exif" and not _is_nominal(camera) else _SOURCES[camera.source]
+    )
 
 
 def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
@@ -83,7 +94,7 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
             sentence="Standard error of the camera constant.",
             headline=calibrated,
         ),
-        Figure(name="source", value=_SOURCES[camera.source], sentence="Where the interior orientation comes from."),
+        Figure(name="source", value=_source(camera), sentence="Where the interior orientation comes from."),
     )
 
 
@@ -130,7 +141,7 @@ def _camera_grid(camera: Camera, photographs: int) -> Grid:
         rows.append(("c", f"{camera.c * camera.pixel_um / 1000:.6g}", "", "mm"))
     serves = f", {photographs} photographs" if photographs else ""
     note = (
-        f"{camera.width} x {camera.height} px, {_SOURCES[camera.source]}{serves}; {LENS_NAMES[camera.lens.kind]}. Radius in units "
+        f"{camera.width} x {camera.height} px, {_source(camera)}{serves}; {LENS_NAMES[camera.lens.kind]}. Radius in units "
         "of c, numbers as in OpenCV; x right, y up, from the image centre."
     )
     return Grid(
@@ -192,7 +203,7 @@ def _scale_warnings(cameras: Cameras, sources: dict[str, Camera]) -> list[str]:
 
 def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos) -> list[str]:
     warnings = []
-    if any(camera.source == "exif" for camera in cameras):
+    if any(map(_is_nominal, cameras)):
         warnings.append(
             "The interior orientation is nominal, from EXIF tags, without lens distortion; the block adjustment has to refine it."
         )
@@ -202,7 +213,8 @@ def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos) -> list[str]:
 
 def _two_constants(photo: Photo) -> tuple[float, float] | None:
     """The camera constant (px) by focal length and pixel size, and by the 35 mm equivalent, where the tags give both."""
-    by_pixel, by_35mm = nominal_constant(photo), nominal_constant(photo.model_copy(update={"pixel_um": None}))
+    plain = photo.model_copy(update={"factory": None})
+    by_pixel, by_35mm = nominal_constant(plain), nominal_constant(plain.model_copy(update={"pixel_um": None}))
     return (by_pixel[0], by_35mm[0]) if by_pixel and by_35mm and photo.pixel_um else None
 
 

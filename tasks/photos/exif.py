@@ -7,11 +7,8 @@ import math
 import re
 from collections.abc import Mapping
 
-import numpy as np
-
 from orthomill.schemas.photo import tag_text
 from orthomill.tasks.geometry.coordinate_ranges import height_mistake
-from orthomill.tasks.geometry.rotation import angles
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 # EXIF 2.3 tag FocalPlaneResolutionUnit: inch and centimetre; 4 and 5 (millimetre, micrometre) are written by some cameras although
@@ -22,7 +19,12 @@ _INCH = 2.0  # the unit that EXIF prescribes when the tag is absent
 
 def numbers(tags: Mapping[str, str], name: str) -> list[float]:
     """All numbers of a tag; empty when it is absent or holds none."""
-    found = [float(text) for text in _NUMBER.findall(tag_text(tags, name))]
+    return listed(tag_text(tags, name))
+
+
+def listed(text: str) -> list[float]:
+    """All numbers of a text."""
+    found = [float(number) for number in _NUMBER.findall(text)]
     return found if all(map(math.isfinite, found)) else []  # damaged tags hold numbers such as 1e400
 
 
@@ -35,7 +37,12 @@ def positive(tags: Mapping[str, str], name: str) -> float | None:
 def longitude_latitude(tags: Mapping[str, str]) -> tuple[float, float] | None:
     """Degrees, east and north positive; None when absent, out of range, or exactly zero (a receiver without a fix)."""
     longitude, latitude = _degrees(tags, "GPSLongitude", "W"), _degrees(tags, "GPSLatitude", "S")
-    if longitude is None or latitude is None or abs(longitude) > 180 or abs(latitude) > 90 or longitude == latitude == 0:
+    return None if longitude is None or latitude is None else on_earth(longitude, latitude)
+
+
+def on_earth(longitude: float, latitude: float) -> tuple[float, float] | None:
+    """The two degrees; None where they are out of range or exactly zero."""
+    if abs(longitude) > 180 or abs(latitude) > 90 or longitude == latitude == 0:
         return None
     return longitude, latitude
 
@@ -62,27 +69,18 @@ def altitude(tags: Mapping[str, str]) -> float | None:
     return None if height_mistake(value) else value
 
 
-def gimbal_attitude(tags: Mapping[str, str]) -> tuple[float, float, float] | None:
-    """omega, phi, kappa in degrees of a drone's camera from the yaw (clockwise from north) and pitch (-90: nadir) of its gimbal.
-
-    Approximate: roll and meridian convergence are neglected. None without the tags.
-    """
-    yaw, pitch = numbers(tags, "GimbalYawDegree"), numbers(tags, "GimbalPitchDegree")
-    if not yaw or not pitch:
-        return None
-    # The rows of the rotation matrix are the image axes in the world: x to the right, y up in the image, z against the view.
-    y, p = np.radians(yaw[0]), np.radians(pitch[0])
-    forward = np.array([np.sin(y) * np.cos(p), np.cos(y) * np.cos(p), np.sin(p)])
-    right = np.array([np.cos(y), -np.sin(y), 0.0])
-    omega, phi, kappa = np.degrees(angles(np.array([right, np.cross(right, forward), -forward])))
-    return float(omega), float(phi), float(kappa)
-
-
 def time(tags: Mapping[str, str]) -> str | None:
     """Time of exposure as ISO 8601, local time of the camera; None when absent or malformed."""
     text = tag_text(tags, "DateTimeOriginal") or tag_text(tags, "DateTime")
     match = re.fullmatch(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d).*", text)
     return f"{match[1]}-{match[2]}-{match[3]}T{match[4]}" if match else None
+
+
+def pixels_per_mm(tags: Mapping[str, str]) -> float | None:
+    """The focal plane resolution of the image as the camera wrote it; None without these tags."""
+    resolution = positive(tags, "FocalPlaneXResolution")
+    unit = _FOCAL_PLANE_UNIT_MM.get(int((numbers(tags, "FocalPlaneResolutionUnit") or [_INCH])[0]))
+    return None if resolution is None or unit is None else resolution / unit
 
 
 def focal_plane_pixel_um(tags: Mapping[str, str], longer_side: int) -> float | None:
@@ -91,9 +89,8 @@ def focal_plane_pixel_um(tags: Mapping[str, str], longer_side: int) -> float | N
     The resolution refers to the image as the camera wrote it; a file with fewer pixels (`longer_side`) was reduced afterwards, and
     its pixels are larger in proportion.
     """
-    resolution = positive(tags, "FocalPlaneXResolution")
-    unit = _FOCAL_PLANE_UNIT_MM.get(int((numbers(tags, "FocalPlaneResolutionUnit") or [_INCH])[0]))
-    if resolution is None or unit is None:
+    resolution = pixels_per_mm(tags)
+    if resolution is None:
         return None
     written = max(positive(tags, "PixelXDimension") or 0.0, positive(tags, "PixelYDimension") or 0.0) or longer_side
-    return 1000.0 * unit / resolution * written / longer_side
+    return 1000.0 / resolution * written / longer_side

@@ -14,7 +14,7 @@ import numpy as np
 
 from orthomill.schemas.errors import PhotoError, WorkflowError, some_of
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
-from orthomill.schemas.project import NoPositions, Positions
+from orthomill.schemas.project import NoPositions, Positions, PositionsFromExif
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
 from orthomill.tasks.geometry.reference_system import ground_coordinates, ground_crs
 from orthomill.tasks.imagery.pyramid import level_count
@@ -25,6 +25,14 @@ from orthomill.tasks.photos.pair_names import refuse_ambiguous
 from orthomill.tasks.photos.positions import Position, read_positions
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
+from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
+from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped
+from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
+from orthomill.tasks.photos.tags.flights import with_flights
+from orthomill.tasks.photos.tags.heights import height_of, with_one_sign
+from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_serials, zoom_of
+from orthomill.tasks.photos.tags.places import place_of
+from orthomill.tasks.photos.tags.remarks import tag_remarks
 
 _DIGITAL = Digital(kind="digital")
 _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continents
@@ -59,7 +67,7 @@ def photo_from_header(header: Header) -> Photo:
     tags = header.tags
     orientation = exif_orientation(tags)
     rows, cols = upright_shape(orientation, header.height, header.width)
-    place = exif.longitude_latitude(tags)
+    place, height, attitude = place_of(tags), height_of(tags), attitude_of(tags)
     return Photo(
         name=PurePath(header.path).stem,
         path=header.path,
@@ -77,23 +85,43 @@ def photo_from_header(header: Header) -> Photo:
         pixel_um=_pixel_um(header),
         longitude=place[0] if place else None,
         latitude=place[1] if place else None,
-        altitude=exif.altitude(tags),
+        altitude=height.value,
+        height_kind=height.kind,
+        relative_height=height.above_start,
         time=exif.time(tags),
-        attitude=exif.gimbal_attitude(tags),
+        fix=fix_of(tags),
+        attitude=attitude.angles if attitude else None,
+        attitude_of=attitude.of if attitude else None,
+        serial=serial_of(tags),
+        factory=factory_camera(tags, _frame(header)),
+        dewarped=was_dewarped(tags),
+        zoom=zoom_of(tags),
+        band=band_of(tags),
         levels=level_count((rows, cols)),
     )
 
 
 def _original(header: Header, orientation: int) -> tuple[int, int] | None:
     """Width and height, upright, before the file was reduced, by its tags; None where it was not, or was cut as well."""
-    written = exif.positive(header.tags, "PixelXDimension"), exif.positive(header.tags, "PixelYDimension")
-    if written[0] is None or written[1] is None:
-        return None
-    along, across = written[0] / header.width, written[1] / header.height
-    if along <= 1.0 or abs(across / along - 1.0) > _SAME_SHAPE:
+    written = _written(header)
+    if written is None:
         return None
     height, width = upright_shape(orientation, round(written[1]), round(written[0]))
     return width, height
+
+
+def _written(header: Header) -> tuple[float, float] | None:
+    """Width and height, not turned, before the file was reduced, by its tags."""
+    width, height = exif.positive(header.tags, "PixelXDimension"), exif.positive(header.tags, "PixelYDimension")
+    if width is None or height is None:
+        return None
+    along, across = width / header.width, height / header.height
+    return None if along <= 1.0 or abs(across / along - 1.0) > _SAME_SHAPE else (width, height)
+
+
+def _frame(header: Header) -> PictureFrame:
+    written = _written(header)
+    return PictureFrame(header.width, header.height, written[0] if written else header.width)
 
 
 def index_photos(
@@ -116,10 +144,11 @@ def index_photos(
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
     refuse_ambiguous([photo.name for photo in photos])
-    photos = _with_sensors(photos)
-    remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
-    photos, about_positions = _placed(photos, crs, positions, positions_text or "")
-    remarks += [*about_positions, *_far_apart(photos)]
+    photos = with_flights(_with_sensors(with_serials(shared_equivalents(photos))))
+    photos, about_heights = with_one_sign(photos)
+    remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
+    photos, about_positions = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
+    remarks += [*about_positions, *_far_apart(photos), *tag_remarks(headers, photos, positions)]
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
@@ -129,15 +158,31 @@ def index_photos(
     return PhotoIndex(Photos(photos=tuple(leveled), remarks=tuple(remarks)), scans)
 
 
-def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> tuple[list[Photo], list[PhotoRemark]]:
-    """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones."""
+def _placed(
+    photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]
+) -> tuple[list[Photo], list[PhotoRemark]]:
+    """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones.
+
+    own: the standard errors that the tags give, by the name of the photograph.
+    """
     if isinstance(positions, NoPositions):
         return photos, []
     if positions.kind != "exif":
         return _placed_by_file(photos, text)
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
-    return _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)), strays
+    return _placed_by_gps(photos, crs, {name: _stated(positions, sigma) for name, sigma in own.items()}), strays
+
+
+def _own_sigmas(headers: tuple[Header, ...]) -> dict[str, Sigma]:
+    # Reversed, so that the first photograph of a name stays, as it does in the project.
+    return {PurePath(header.path).stem: position_sigma(header.tags) for header in reversed(headers)}
+
+
+def _stated(positions: PositionsFromExif, own: Sigma) -> Sigma:
+    """The standard errors that the workflow states, of all photographs, or a photograph's own."""
+    plan, height = positions.sigma_plan, positions.sigma_height
+    return plan or own[0], plan or own[1], height or own[2]
 
 
 def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str, ...]) -> list[Fitted]:
@@ -242,7 +287,9 @@ def _camera_name(header: Header, orientation: int) -> str:
     maker = "" if model.upper().startswith(make.upper()) else make
     focal = exif.positive(header.tags, "FocalLength")
     # The size is that of the file, so that a camera held upright (quarter turn by the flag alone) remains the same camera.
-    words = [maker, model, f"{focal:g} mm" if focal else "", f"{header.width} x {header.height}"]
+    zoom, band = zoom_of(header.tags), band_of(header.tags)
+    words = [maker, model, f"{focal:g} mm" if focal else "", f"zoom {zoom:g}" if zoom != 1.0 else "", band or ""]
+    words.append(f"{header.width} x {header.height}")
     if orientation not in (1, *QUARTER_TURNS):
         # A half turn or a mirror image moves the principal point and changes the sign of the decentring terms.
         words.append(f"turned {orientation}")
@@ -256,7 +303,8 @@ def _with_sensors(photos: list[Photo]) -> list[Photo]:
     for photo in photos:
         upright_word = _swapped(photo)
         own = photo.exif_orientation in QUARTER_TURNS and photo.camera not in unrotated and upright_word in unrotated
-        found.append(photo.model_copy(update={"camera": upright_word, "as_taken": True}) if own else photo)
+        # A calibration in the tags is that of the file as the camera wrote it, not as it was turned.
+        found.append(photo.model_copy(update={"camera": upright_word, "as_taken": True, "factory": None}) if own else photo)
     return found
 
 
@@ -296,7 +344,7 @@ def _pixel_um(header: Header) -> float | None:
     return 1000.0 * width / longer_side if width else exif.focal_plane_pixel_um(header.tags, longer_side)
 
 
-def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, float]) -> list[Photo]:
+def _placed_by_gps(photos: list[Photo], crs: str, sigma: dict[str, Sigma]) -> list[Photo]:
     tagged = {p.name: (p.longitude, p.latitude, p.altitude) for p in photos if p.longitude is not None and p.altitude is not None}
     if not tagged:
         return photos
@@ -304,7 +352,7 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, flo
     geographic = np.array(list(tagged.values()), dtype=float)
     xy = ground_coordinates(crs, geographic[:, :2])
     places = {name: (float(x), float(y), float(height)) for name, (x, y), height in zip(tagged, xy, geographic[:, 2], strict=True)}
-    return [_placed_at(photo, places.get(photo.name), sigma) for photo in photos]
+    return [_placed_at(photo, places.get(photo.name), sigma[photo.name]) for photo in photos]
 
 
 def _placed_by_file(photos: list[Photo], text: str) -> tuple[list[Photo], list[PhotoRemark]]:
@@ -318,14 +366,16 @@ def _placed_by_file(photos: list[Photo], text: str) -> tuple[list[Photo], list[P
             f"{some_of([photo.name for photo in photos], 3)}; correct its names, or set positions: {{kind: none}}."
         )
     remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
-    return [_placed_as(photo, positions.get(photo.name)) for photo in photos], remarks
+    # The tags say how the position was found that they hold, not the one of the file.
+    plain = (photo.model_copy(update={"fix": None, "height_kind": None}) for photo in photos)
+    return [_placed_as(photo, positions.get(photo.name)) for photo in plain], remarks
 
 
 def _placed_as(photo: Photo, position: Position | None) -> Photo:
     if position is None:
         return photo
     placed = _placed_at(photo, position.xyz, position.sigma)
-    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude})
+    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude, "attitude_of": "file"})
 
 
 def _placed_at(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:

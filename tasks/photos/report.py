@@ -36,6 +36,41 @@ _SCAN_COLUMNS = (
 )
 
 
+_SENTENCES = {
+    PhotoRemarkCode.OWN_PRECISION: "Positions by the tags: {detail}; each has its own standard error.",
+    PhotoRemarkCode.BELOW_SEA: (
+        "EXIF says of {count} ({names}) that they were taken below the sea, other tags or the other photographs that they were "
+        "not: their heights were taken as above it."
+    ),
+    PhotoRemarkCode.ALL_BELOW_SEA: (
+        "EXIF says of {count} that they were taken below the sea, at {detail}: some cameras write so by mistake. If the place is "
+        "not below the sea, give the positions in a file."
+    ),
+    PhotoRemarkCode.HEIGHT_ABOVE_START: (
+        "The GPS altitude of {count} ({names}) is their height above the take-off; the absolute height of the maker's own tags is "
+        "used."
+    ),
+    PhotoRemarkCode.HEIGHTS_DIFFER: (
+        "EXIF and the maker's own tags give different heights of {count} ({names}); those of EXIF are used. If these were not "
+        "corrected afterwards, give the positions in a file."
+    ),
+    PhotoRemarkCode.RELATIVE_HEIGHTS: (
+        "The only heights in the tags of {count} are those above the place of take-off: all heights of the products are too, "
+        "unless control points say otherwise."
+    ),
+    PhotoRemarkCode.FACTORY_CAMERA: (
+        "The tags of {count} hold the factory's calibration of the camera: the adjustment starts from it, and may move it."
+    ),
+    PhotoRemarkCode.DEWARPED: "The lens distortion of {count} was removed in the camera.",
+    PhotoRemarkCode.DIGITAL_ZOOM: (
+        "{count} ({names}) were enlarged in the camera by digital zoom ({detail} times) and have a camera of their own."
+    ),
+    PhotoRemarkCode.SEVERAL_SERIALS: (
+        "Cameras of one model have different serial numbers, and each has its own interior orientation: {names}."
+    ),
+}
+
+
 def photos_report(
     photos: Photos, scans: Scans, exposures: tuple[Exposure, ...], positions_kind: str, cameras_kind: str = "exif"
 ) -> StageReport:
@@ -92,11 +127,17 @@ def remark_sentence(remark: PhotoRemark) -> str:
             f"{some_of(remark.photos)}: the GPS tags hold no possible altitude, so that these positions are not used; give "
             "positions in a file if the block depends on them."
         )
+    if remark.code in _SENTENCES:
+        return _SENTENCES[remark.code].format(names=some_of(remark.photos), count=_count(remark.photos), detail=remark.detail)
     return (
         f"{some_of(remark.photos)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF "
         "flag that explains it. A program rotated the pixels; in which direction is unknown, so the interior orientation cannot be "
         "shared with the others and is adjusted separately. Use the files as the camera wrote them."
     )
+
+
+def _count(photos: tuple[str, ...]) -> str:
+    return f"{len(photos)} photograph{'s' if len(photos) > 1 else ''}"
 
 
 def _scan_grid(scans: Scans) -> Grid:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.schemas.camera import Camera, Cameras
+from orthomill.schemas.camera import BrownLens, Camera, Cameras
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.untagged_photographs import Substitute, UntaggedPhotos
@@ -104,11 +104,11 @@ def test_a_scaled_camera_is_reported():
 
 
 def test_nominal_cameras_and_contradicting_tags_are_reported():
-    exif = CAMERA.model_copy(update={"source": "exif"})
+    exif = CAMERA.model_copy(update={"source": "exif", "lens": BrownLens()})
     fair = photo(focal_mm=4.0, pixel_um=2.0, focal_35mm=90.0)
     assert len(report(exif, photos=(fair,)).warnings) == 1 and "nominal" in report(exif, photos=(fair,)).warnings[0]
     wrong = report(exif, photos=(fair.model_copy(update={"focal_35mm": 28.0}),)).warnings
-    assert "2000 px by focal length and pixel size, but 622 px by the 35 mm equivalent" in wrong[1]
+    assert "2000 px by focal length and pixel size, but 647 px by the 35 mm equivalent" in wrong[1]
     once = report(exif, photos=tuple(fair.model_copy(update={"name": n, "focal_35mm": 28.0}) for n in "ab")).warnings
     assert len(once) == 2, "once per camera, not per photograph"
 

@@ -87,9 +87,10 @@ def test_exif_gives_a_nominal_camera_with_wide_sigmas():
     outcome = from_exif(photos(photo(focal_mm=4.0, pixel_um=2.0), photo("b", camera="other", focal_35mm=27.0)))
     cameras = outcome.cameras
     assert cameras.of("a").c == pytest.approx(2000) and cameras.of("a").source == "exif"
-    assert cameras.of("b").c == pytest.approx(600)
+    # 27 mm on the diagonal of 35 mm film, 43.27 mm, is that of 800 x 600 px.
+    assert cameras.of("b").c == pytest.approx(27.0 * 1000.0 / 43.27)
     sigma = [np.sqrt(cameras.of(name).covariance[0][0]) for name in "ab"]
-    assert sigma == pytest.approx([40.0, 30.0])
+    assert sigma == pytest.approx([40.0, 0.04 * cameras.of("b").c])
     assert any("nominal" in warning for warning in outcome.report.warnings)
 
 

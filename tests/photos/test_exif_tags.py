@@ -1,11 +1,7 @@
 """EXIF text to numbers: every form in which cameras write a tag, and what counts as absent."""
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.sensors import SENSOR_WIDTH_MM, sensor_width_mm
 
@@ -31,51 +27,6 @@ def test_numbers_of_a_tag(text, found):
 def test_zero_and_negative_lengths_count_as_absent(text, value):
     assert exif.positive({"FocalLength": text}, "FocalLength") == value
     assert exif.positive({}, "FocalLength") is None
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 89), st.integers(0, 59), st.floats(0, 59.99), st.booleans())
-def test_degrees_minutes_and_seconds_add_up(degrees, minutes, seconds, south):
-    tags = {
-        "GPSLatitude": f"({degrees}) ({minutes}) ({seconds:.6f})",
-        "GPSLatitudeRef": "S" if south else "N",
-        "GPSLongitude": "(12.5)",
-        "GPSLongitudeRef": "E",
-    }
-    expected = (degrees + minutes / 60 + round(seconds, 6) / 3600) * (-1 if south else 1)
-    assert exif.longitude_latitude(tags) == pytest.approx((12.5, expected), abs=1e-9)
-
-
-def test_a_sign_in_place_of_the_reference_is_understood():
-    assert exif.longitude_latitude({"GPSLatitude": "(-33.5)", "GPSLongitude": "(-70.25)"}) == (-70.25, -33.5)
-
-
-@pytest.mark.parametrize(
-    ("tags", "height"),
-    [
-        ({}, None),
-        ({"GPSAltitude": "(120.5)"}, 120.5),
-        ({"GPSAltitude": "(120.5)", "GPSAltitudeRef": "1"}, -120.5),
-        ({"GPSAltitude": "(0)"}, None),  # 0/0 is shown like this, and receivers without a height write it
-        ({"GPSAltitude": "(4e+09)"}, None),
-        ({"GPSAltitude": "(1e400)"}, None),
-    ],
-)
-def test_altitudes(tags, height):
-    assert exif.altitude(tags) == height
-
-
-@settings(max_examples=60, deadline=None)
-@given(yaw=st.floats(-179, 179), pitch=st.floats(-89, -1))
-def test_the_axis_of_a_gimbal_points_where_yaw_and_pitch_say(yaw, pitch):
-    """Heading and inclination of the viewing direction, computed back from the rotation matrix; the x axis stays level."""
-    angles = exif.gimbal_attitude({"GimbalYawDegree": f"{yaw:.8f}", "GimbalPitchDegree": f"{pitch:.8f}"})
-    rotation = rotation_matrix(*np.radians(angles))
-    forward = -rotation[2]
-    assert np.degrees(np.arcsin(forward[2])) == pytest.approx(pitch, abs=1e-6)
-    turn = np.degrees(np.arctan2(forward[0], forward[1])) - yaw
-    assert (turn + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-5)
-    assert rotation[0, 2] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

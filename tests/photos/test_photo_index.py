@@ -172,14 +172,6 @@ def test_a_wrong_positions_file_names_its_line(text, part):
         read_positions(text)
 
 
-def test_the_gimbal_gives_the_direction_of_a_drones_camera():
-    assert exif.gimbal_attitude({}) is None
-    down = exif.gimbal_attitude({"GimbalYawDegree": "+90.0", "GimbalPitchDegree": "-90.0"})
-    assert down == pytest.approx((0.0, 0.0, -90.0), abs=1e-6), "looking down with the top of the frame to the east"
-    omega, phi, kappa = exif.gimbal_attitude({"GimbalYawDegree": "0", "GimbalPitchDegree": "-30"})
-    assert (omega, phi, kappa) == pytest.approx((60.0, 0.0, 0.0), abs=1e-6), "looking north and 30 degrees down"
-
-
 def test_a_positions_file_may_hold_attitudes():
     text = "photo,x,y,z,sigma_x,sigma_y,sigma_z,omega,phi,kappa\na,1,2,3,1,1,1,10,20,30\nb,1,2,3,1,1,1,,,\n"
     read = read_positions(text)

@@ -80,7 +80,9 @@ def test_bad_exposures_are_named(change, words):
 
 def test_every_remark_becomes_one_warning():
     remarks = tuple(PhotoRemark(code=code, photos=("x/a.jpg", "y/a.png"), distance_km=77.4) for code in PhotoRemarkCode)
-    duplicate, stray, damaged, no_altitude, absent, apart, rotated = report_of(*PLACED, remarks=remarks).warnings
+    warnings = report_of(*PLACED, remarks=remarks).warnings
+    assert len(warnings) == len(set(warnings)) == len(PhotoRemarkCode)
+    duplicate, stray, damaged, no_altitude, absent, apart, rotated = warnings[:7]
     assert absent.endswith("which are skipped: x/a.jpg, y/a.png.") and "lie 77 km or more from all others" in apart
     assert duplicate.startswith("x/a.jpg and y/a.png have the same name a,") and "rename" in duplicate
     assert "lies 77 km" in stray and rotated.startswith("x/a.jpg, y/a.png: ")

@@ -65,7 +65,7 @@ SOURCES = [
         {"kind": "chessboards", "photographs": FOLDER, "corners": [5, 6], "square": 0.05},
         {"boards": 0, "arrangement": "plane", "sigma_in_plane": 0.0, "sigma_height": 0.0},
     ),
-    ("positions", {"kind": "exif"}, {"sigma_plan": 3.0, "sigma_height": 5.0}),
+    ("positions", {"kind": "exif"}, {"sigma_plan": None, "sigma_height": None}),
     ("positions", {"kind": "file", "path": "gnss.csv"}, {}),
     ("positions", {"kind": "none"}, {}),
     ("positions", {"kind": "simulated"}, {}),

@@ -1,6 +1,7 @@
-"""Cameras that are not calibrated here: nominal ones from EXIF, typed ones, and ones from a file.
+"""Cameras that are not calibrated here: nominal ones from the tags, typed ones, and ones from a file.
 
-A nominal camera is an initial value with wide standard errors; the block adjustment refines it.
+A nominal camera is an initial value with wide standard errors; the block adjustment refines it. Where the tags hold a calibration,
+it is one with lens distortion and narrower standard errors.
 """
 
 import json
@@ -10,41 +11,95 @@ from pydantic import ValidationError
 
 from orthomill.schemas.camera import INTERIOR, LENSES, Camera, Cameras, lens_parameters
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.photo import FactoryCamera, Photo, Photos
 from orthomill.schemas.project import CameraGiven
 from orthomill.tasks.calibration.cameras.possible_cameras import camera_mistake
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, sensor_name, sensor_size, turned
 
-# EXIF holds the marked focal length, not the one at the focused distance; a 35 mm equivalent is rounded to whole millimetres, and
-# makers disagree whether it refers to the width or to the diagonal of the frame.
-_SHARE_FROM_PIXEL, _SHARE_FROM_35MM = 0.02, 0.05
-"""Relative standard error of a camera constant from a focal length and a pixel size, and from a 35 mm equivalent."""
+# EXIF holds the marked focal length, not the one at the focused distance; a 35 mm equivalent is rounded to whole millimetres.
+_SHARE_FROM_PIXEL, _SHARE_FROM_35MM, _SHARE_FROM_CUT = 0.02, 0.04, 0.1
+"""Relative standard error of a camera constant from a focal length and a pixel size, from a 35 mm equivalent, and from one of a
+frame that may have been cut from another"""
+_SHARE_CALIBRATED, _SHARE_DESIGN = 0.015, 0.03
+"""... from a calibration in the tags, and from the drawings of the lens"""
 # As large as the distortion of consumer lenses: a block must be able to move the coefficients from zero to there.
 _LENS_SIGMA = {"k1": 0.1, "k2": 0.1, "p1": 0.002, "p2": 0.002}
+# A factory measures one lens on one day, at one temperature and often without the frame's own focus: held, such a camera leaves
+# residuals of several times the noise, so that everything may move by what separates lenses of one kind.
+_CALIBRATED_SIGMA = {"k1": 0.05, "k2": 0.1, "k3": 0.1, "p1": 0.003, "p2": 0.003, "affinity": 0.005}
+_DEWARPED_SIGMA = {"k1": 0.01, "k2": 0.01, "p1": 0.001, "p2": 0.001}
 _PRINCIPAL_POINT_SHARE = 0.01
 """Standard error of the principal point as a share of the width."""
-_WIDTH_35MM = 36.0
-"""mm: width of a 35 mm film frame"""
+_BELIEVED = 0.25
+"""A calibration whose constant differs by more than this part from what the focal length says is that of something else"""
+_WIDTH_35MM, _DIAGONAL_35MM = 36.0, 43.27
+"""mm: width and diagonal of a 35 mm film frame"""
+_WHOLE, _FILM = 1.42, 1.6
+"""Longer by shorter side up to which a frame is a whole sensor of 4:3 or 5:4, and up to which it is one of 3:2"""
 
 
 def nominal_constant(photo: Photo) -> tuple[float, float] | None:
-    """Camera constant and its standard error, px; None when the EXIF tags do not suffice."""
-    if photo.focal_mm and photo.pixel_um:
-        c = 1000.0 * photo.focal_mm / photo.pixel_um
-        return c, _SHARE_FROM_PIXEL * c
-    if photo.focal_35mm:
-        c = photo.focal_35mm / _WIDTH_35MM * max(photo.width, photo.height)
-        return c, _SHARE_FROM_35MM * c
-    return None
+    """Camera constant and its standard error, px; None when the tags do not suffice.
+
+    A calibration in the tags is best, then focal length and pixel size, the lens's drawings, and the 35 mm equivalent.
+    """
+    by_focal = _by_pixel(photo) or _by_equivalent(photo)
+    if (calibration := _calibration(photo)) is not None:
+        return calibration.c * photo.zoom, _SHARE_CALIBRATED * calibration.c * photo.zoom
+    if photo.factory and not (photo.focal_mm and photo.pixel_um) and _agrees(photo.factory.c * photo.zoom, by_focal):
+        return photo.factory.c * photo.zoom, _SHARE_DESIGN * photo.factory.c * photo.zoom
+    return by_focal
+
+
+def _calibration(photo: Photo) -> FactoryCamera | None:
+    """The calibration in the tags, unless its constant contradicts the focal length."""
+    factory = photo.factory
+    if factory is None or factory.kind != "calibrated":
+        return None
+    return factory if _agrees(factory.c * photo.zoom, _by_pixel(photo) or _by_equivalent(photo)) else None
+
+
+def _agrees(c: float, other: tuple[float, float] | None) -> bool:
+    return other is None or abs(c / other[0] - 1.0) < _BELIEVED
+
+
+def _by_pixel(photo: Photo) -> tuple[float, float] | None:
+    if not photo.focal_mm or not photo.pixel_um:
+        return None
+    c = 1000.0 * photo.focal_mm / photo.pixel_um * photo.zoom
+    return c, _SHARE_FROM_PIXEL * c
+
+
+def _by_equivalent(photo: Photo) -> tuple[float, float] | None:
+    """By the 35 mm equivalent: that of equal diagonals (CIPA DCG-001), of the whole frame, which a file of 16:9 may not be."""
+    if not photo.focal_35mm:
+        return None
+    longer, shorter = max(photo.width, photo.height), min(photo.width, photo.height)
+    if longer <= _WHOLE * shorter:
+        c, share = photo.focal_35mm / _DIAGONAL_35MM * float(np.hypot(longer, shorter)), _SHARE_FROM_35MM
+    else:
+        c, share = photo.focal_35mm / _WIDTH_35MM * longer, _SHARE_FROM_35MM if longer <= _FILM * shorter else _SHARE_FROM_CUT
+    return c, share * c
 
 
 def nominal_camera(photo: Photo) -> Camera:
-    """The camera according to the EXIF tags of a photograph."""
+    """The camera according to the tags of a photograph: a start with standard errors that let the block move it."""
     width, height = sensor_size(photo)
     c, sigma_c = nominal_constant(photo) or (0.0, 0.0)
-    sigma = {"c": sigma_c, "x0": _PRINCIPAL_POINT_SHARE * width, "y0": _PRINCIPAL_POINT_SHARE * width, **_LENS_SIGMA}
-    pixel_um = photo.pixel_um or (1000.0 * photo.focal_mm / c if photo.focal_mm else None)
-    return Camera(name=photo.camera, width=width, height=height, c=c, source="exif", pixel_um=pixel_um, covariance=_diagonal(sigma))
+    lens = _LENS_SIGMA
+    values: dict[str, float] = {}
+    if photo.dewarped:
+        lens = _DEWARPED_SIGMA
+    elif (calibration := _calibration(photo)) is not None:
+        lens = _CALIBRATED_SIGMA
+        values = {name: getattr(calibration, name) for name in ("k1", "k2", "k3", "p1", "p2", "affinity")}
+        values |= {"x0": calibration.x0 * photo.zoom, "y0": calibration.y0 * photo.zoom}
+    sigma = {"c": sigma_c, "x0": _PRINCIPAL_POINT_SHARE * width, "y0": _PRINCIPAL_POINT_SHARE * width, **lens}
+    pixel_um = photo.pixel_um or (1000.0 * photo.focal_mm / c if photo.focal_mm and c else None)
+    camera = Camera(
+        name=photo.camera, width=width, height=height, c=c, source="exif", pixel_um=pixel_um, covariance=_diagonal(sigma)
+    )
+    return camera.changed(**values)
 
 
 def camera_given(given: CameraGiven, photos: Photos) -> dict[str, Camera]:

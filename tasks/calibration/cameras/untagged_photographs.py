@@ -73,7 +73,7 @@ def _guessed(photo: Photo) -> Camera:
     camera = nominal_camera(photo.model_copy(update={"focal_mm": None, "focal_35mm": 36.0 * _GUESS}))
     covariance = np.array(camera.covariance)
     covariance[INTERIOR.index("c"), INTERIOR.index("c")] = (GUESS_SHARE * c) ** 2
-    return camera.model_copy(update={"covariance": tuple(map(tuple, covariance.tolist()))})
+    return camera.model_copy(update={"c": c, "covariance": tuple(map(tuple, covariance.tolist()))})
 
 
 def _groups(untagged: list[Photo], substitutes: dict[str, str | None], cameras: dict[str, Camera]) -> tuple[UntaggedPhotos, ...]:

@@ -379,7 +379,7 @@ def test_the_workflow_as_run_says_every_default_with_its_sentence_and_unit(root)
     text = (root / "workflow.yaml").read_text()
     assert "    size: 21  # Side of the window. [px]\n" in text
     assert "    window:  # Shape of the window.\n      kind: square\n" in text
-    assert "  sigma_plan: 3.0  # Standard error in X and Y. [m]\n" in text
+    assert "  sigma_plan: null  # Standard error in X and Y; by default" in text
     assert not (root / "workflow.yaml.part").exists()
 
 

@@ -1,0 +1,1 @@
+"""The tags of image files, as text."""
