@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -139,6 +139,9 @@ bench-published-bundles: $(STAMP) ## Self-calibration on the geometry of three p
 
 bench-layouts: $(STAMP) ## Sixty layouts of photographs with planted blunders: what converges, what is named
 	@$(BIN)/python -m benchmarks.orientation.planted_layouts $(options)
+
+bench-flights: $(STAMP) ## Simulated flights with wrong cameras and all kinds of positions: bends, stated and named (options="--quick")
+	@$(BIN)/python -m benchmarks.flights $(options)
 
 bench-registration: $(STAMP) ## Joint registration of simulated scans: precision that is true
 	@$(BIN)/python -m benchmarks.orientation.scan_registration
