@@ -96,6 +96,8 @@ class BlockBent(_Finding):
     """by which directions of view diverge from the attitudes over the block; None: they do not"""
     grave: bool
     """it is more than models of lenses leave"""
+    sure: bool = True
+    """it cannot be the receiver: attitudes show it, too, or positions scatter so little about it"""
 
 
 class LooksUpward(_Finding):

@@ -129,8 +129,13 @@ def block_bent(finding: BlockBent) -> str:
     what = f"The block bends by {size} ({pixels}, a {'dome' if finding.bend_m < 0 else 'bowl'}) {', and '.join(how)}"
     if not finding.grave:
         return f"{what}: about what a model of the lens leaves."
+    cause = (
+        "not the receiver but the camera is wrong"
+        if finding.sure
+        else "the camera is wrong, or heights of a barometer, which err where a drone brakes and turns"
+    )
     return (
-        f"{what}: not the receiver but the camera is wrong. Give the camera's calibration or the standard errors of RTK positions, "
+        f"{what}: {cause}. Give the camera's calibration or the standard errors of RTK positions, "
         "add strips across at another height or oblique photographs, or measure control in the middle and at the ends."
     )
 

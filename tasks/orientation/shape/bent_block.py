@@ -12,6 +12,9 @@ from orthomill.tasks.orientation.shape.view_trend import ViewTrend, view_trend
 
 LEAST_DEGREES = 1.0
 """A smaller divergence of views is what gimbals may drift by."""
+CERTAIN = 10.0
+"""Standard errors of a bend against positions from which on it is none of the receiver: the height of a barometer errs by half a
+metre wherever a drone brakes at the end of a strip, and looks like a bend of all strips."""
 BENT_PIXELS = 5.0
 """Pixels on the ground from which on a bend puts results in doubt: what tie points and models of lenses leave is less."""
 
@@ -35,6 +38,7 @@ def bent_block(results: BlockResults) -> Iterator[BlockBent]:
         scatter_m=heights.scatter if by_heights and heights else None,
         views_deg=views.degrees if by_views and views else None,
         grave=abs(bend) > BENT_PIXELS * pixel,
+        sure=by_views or (heights is not None and abs(heights.ratio) > CERTAIN),
     )
 
 

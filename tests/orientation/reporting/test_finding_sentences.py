@@ -37,6 +37,10 @@ SPOKEN = [
         ],
     ),
     (
+        f.BlockBent(bend_m=-0.89, extent_m=87.0, pixels=24.5, scatter_m=0.137, views_deg=None, grave=True, sure=False),
+        ["scatter by only 0.14 m", "the camera is wrong, or heights of a barometer"],
+    ),
+    (
         f.BlockBent(bend_m=0.074, extent_m=47.0, pixels=3.1, scatter_m=None, views_deg=1.1, grave=False),
         ["bends by 0.074 m", "a bowl", "about what a model of the lens leaves"],
     ),
