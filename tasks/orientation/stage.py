@@ -106,10 +106,10 @@ class OrientationStage(Stage):
         "that look along the line of their positions or to all sides for level. Used only where positions and control lie on one "
         "line and leave the tilt about it undetermined.",
     )
-    vertical_sigma: float = setting(
-        5.0,
+    vertical_sigma: float | None = setting(
+        None,
         "Standard error of the mean vertical by attitudes or `looking`; used only where positions and control lie on one line and "
-        "leave the tilt about it undetermined.",
+        "leave the tilt about it undetermined. null: 1 for attitudes of gimbals, 3 of aircraft, else 5.",
         "degrees",
         gt=0,
         le=45,

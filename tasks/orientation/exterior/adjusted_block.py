@@ -70,19 +70,25 @@ LEVER_SIGMA = 0.05
 """m: by which positions that a receiver has reduced to the camera still miss it: several lenses in one housing, a time between
 trigger and exposure. Positions that are less precise do not show it."""
 
+VERTICAL_DEG = {"gimbal": 1.0, "aircraft": 3.0}
+"""Standard errors of the mean vertical that attitudes give: a gimbal holds it to some tenths of a degree, and its camera is
+mounted to half a degree; an aircraft leans, and its camera with it."""
+ASSUMED_DEG = 5.0
+"""The same for attitudes of unknown origin, and for the assumption that photographs look straight down on average."""
+
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
 
 class BlockChoices(Settings):
     """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error
-    of the mean vertical where it is needed (degrees) and how the photographs look then, the limit of the blunder test in standard
-    errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known; None: as receivers leave
-    it), and what of the interior orientation varies from photograph to photograph."""
+    of the mean vertical where it is needed (degrees; None: that of what tells it) and how the photographs look then, the limit of
+    the blunder test in standard errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known;
+    None: as receivers leave it), and what of the interior orientation varies from photograph to photograph."""
 
     interior: InteriorChoice
     gnss_shift: bool
-    vertical_sigma: float
+    vertical_sigma: float | None
     rejection: float
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_sigma: float | None = None
@@ -247,12 +253,20 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
-    datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
+    datum = choose_datum(model, known, _vertical_sigma(have), choices.looking, choices.gnss_shift, origin)
     # Half of them at least: single wrong names are found by the blunder tests, and named.
     if known.unmet >= UNMET and 2 * known.unmet > known.measured:
         unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
         datum = replace(datum, findings=(*datum.findings, unmet))
     return Part(start, model, known, datum, origin)
+
+
+def _vertical_sigma(have: _Input) -> float:
+    """rad: of the mean vertical, as stated, or that of the worst of the attitudes that take part."""
+    if have.choices.vertical_sigma is not None:
+        return float(np.radians(have.choices.vertical_sigma))
+    told = {photo.attitude_of for photo in have.photos.photos if photo.attitude is not None}
+    return float(np.radians(max((VERTICAL_DEG.get(of or "", ASSUMED_DEG) for of in told), default=ASSUMED_DEG)))
 
 
 def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unoriented, ...]]:
@@ -323,7 +337,7 @@ def _why(attempt: _Attempt, suspect: int) -> str:
 def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
-    network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
+    network, state, good = starting_values(have.material, problem, parts, datum, _vertical_sigma(have))
     network = network.with_lever(choices.lever_arm, _lever_sigma(choices, problem), choices.gnss_shift)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
