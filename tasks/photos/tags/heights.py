@@ -1,8 +1,8 @@
 """What the height in the tags is, and which of two that contradict each other is right.
 
 EXIF's GPSAltitudeRef decides nothing: cameras write "above the sea" for ellipsoidal heights, for heights by the air pressure and
-for heights above the place of take-off, and some write "below the sea" for all. What says more: the kind of fix, DJI's AltitudeType,
-and a second height in XMP.
+for heights above the place of take-off, and some write "below the sea" for all. What says more: the kind of fix, the type of the
+height that DJI writes, and a second height in XMP.
 """
 
 from collections.abc import Mapping
