@@ -138,13 +138,30 @@ class PositionsFromExif(Settings):
     kind: Literal["exif"]
     sigma_plan: float = setting(3.0, "Standard error in X and Y.", "m", gt=0)
     sigma_height: float = setting(5.0, "Standard error in Z.", "m", gt=0)
+    crs: str | None = setting(
+        None,
+        "What the heights of the tags refer to, as a reference system: EPSG:4979 for heights above the ellipsoid, EPSG:4326+5773 "
+        "for heights above the sea (EGM96); by default what the tags say, if they do.",
+    )
 
 
 class PositionsFromFile(Settings):
-    """Projection centres from a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z in the project's CRS."""
+    """Projection centres from a file: columns photo, x, y, z, sigma_x, sigma_y, sigma_z, or what DJI (.MRK), RTKLIB, Emlid,
+    REDtoolbox, Pix4D, Metashape, OpenDroneMap (geo.txt) and senseFly write."""
 
     kind: Literal["file"]
-    path: str = setting(..., "The CSV file, relative to the project's root.")
+    path: str = setting(..., "The file, relative to the project's root.")
+    crs: str | None = setting(
+        None,
+        "Reference system of the positions, e.g. EPSG:4979 (degrees, heights above the ellipsoid) or EPSG:2100+5773; by default "
+        "the one that the file names, EPSG:4326 for degrees, or that of the project.",
+    )
+    # The defaults are those of a consumer receiver without corrections, as for GPS tags.
+    sigma_plan: float = setting(3.0, "Standard error in X and Y, where the file states none.", "m", gt=0)
+    sigma_height: float = setting(5.0, "Standard error in Z, where the file states none.", "m", gt=0)
+    sigma_unit: Literal["m", "mm"] | None = setting(
+        None, "Unit of the standard errors in the file; null: metres, and refused where they can only be millimetres."
+    )
 
 
 class NoPositions(Settings):

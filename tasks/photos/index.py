@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError, WorkflowError, some_of
+from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
 from orthomill.schemas.project import NoPositions, Positions
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
@@ -22,7 +23,8 @@ from orthomill.tasks.imagery.upright import exif_orientation, upright_shape
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.pair_names import refuse_ambiguous
-from orthomill.tasks.photos.positions import Position, read_positions
+from orthomill.tasks.photos.position_files.photographs_by_file import placed_by_file
+from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, with_heights_of_crs
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
 
@@ -52,6 +54,15 @@ class PhotoIndex(NamedTuple):
 
     photos: Photos
     scans: Scans
+
+
+class Placed(NamedTuple):
+    """Photographs with positions, remarks about these, the file that they come from, and what their heights refer to."""
+
+    photos: list[Photo]
+    remarks: list[PhotoRemark]
+    read: PositionsRead | None = None
+    heights: HeightsOfPositions | None = None
 
 
 def photo_from_header(header: Header) -> Photo:
@@ -118,26 +129,31 @@ def index_photos(
     refuse_ambiguous([photo.name for photo in photos])
     photos = _with_sensors(photos)
     remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
-    photos, about_positions = _placed(photos, crs, positions, positions_text or "")
-    remarks += [*about_positions, *_far_apart(photos)]
+    found = _placed(photos, crs, positions, positions_text or "")
+    photos = found.photos
+    refuse_unfit_map(photos, crs)
+    remarks += [*found.remarks, *_far_apart(photos)]
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
     leveled = (photo.model_copy(update={"levels": level_count((photo.height, photo.width))}) for photo in framed)
     cut = coordinates.kind != "digital" and coordinates.picture_mm is not None
     scans = Scans(scans=tuple(one.scan for one in fitted), cut=cut)
-    return PhotoIndex(Photos(photos=tuple(leveled), remarks=tuple(remarks)), scans)
+    indexed = Photos(photos=tuple(leveled), remarks=tuple(remarks), positions_read=found.read, heights=found.heights)
+    return PhotoIndex(indexed, scans)
 
 
-def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> tuple[list[Photo], list[PhotoRemark]]:
+def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> Placed:
     """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones."""
     if isinstance(positions, NoPositions):
-        return photos, []
+        return Placed(photos, [])
     if positions.kind != "exif":
-        return _placed_by_file(photos, text)
+        return Placed(*placed_by_file(photos, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
-    return _placed_by_gps(photos, crs, (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)), strays
+    sigma = (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)
+    photos, heights = with_heights_of_crs(_placed_by_gps(photos, crs, sigma), crs, positions.crs)
+    return Placed(photos, strays, None, heights)
 
 
 def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str, ...]) -> list[Fitted]:
@@ -305,27 +321,6 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: tuple[float, float, flo
     xy = ground_coordinates(crs, geographic[:, :2])
     places = {name: (float(x), float(y), float(height)) for name, (x, y), height in zip(tagged, xy, geographic[:, 2], strict=True)}
     return [_placed_at(photo, places.get(photo.name), sigma) for photo in photos]
-
-
-def _placed_by_file(photos: list[Photo], text: str) -> tuple[list[Photo], list[PhotoRemark]]:
-    positions = read_positions(text)
-    names = {photo.name for photo in photos}
-    absent = tuple(name for name in positions if name not in names)
-    # Photographs are dropped, and their lines stay: but where all of them are gone, the names are wrong.
-    if absent and len(absent) == len(positions):
-        raise WorkflowError(
-            f"The positions file names none of the photographs: it has {some_of(absent, 3)}, the project has "
-            f"{some_of([photo.name for photo in photos], 3)}; correct its names, or set positions: {{kind: none}}."
-        )
-    remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
-    return [_placed_as(photo, positions.get(photo.name)) for photo in photos], remarks
-
-
-def _placed_as(photo: Photo, position: Position | None) -> Photo:
-    if position is None:
-        return photo
-    placed = _placed_at(photo, position.xyz, position.sigma)
-    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude})
 
 
 def _placed_at(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:
