@@ -9,7 +9,7 @@ import math
 import re
 from dataclasses import dataclass
 
-_SHARE = 0.8
+_SHARE = 0.6
 """of the lines must hold a sign that separates cells: titles and comments do not"""
 _LOOKED_AT = 200
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")

@@ -61,6 +61,13 @@ def height_unit(text: str) -> float:
     return float(axes[0].unit_conversion_factor) if axes else 1.0
 
 
+def plan_of(text: str) -> str:
+    """The horizontal part of a system, whose coordinates need no grid of a geoid."""
+    crs = _plane(survey_crs(text))
+    code = crs.to_epsg(min_confidence=100)
+    return f"EPSG:{code}" if code else str(crs.to_wkt())
+
+
 def ellipsoidal(text: str) -> str:
     """A system in plan with heights above its ellipsoid: EPSG:4979 for EPSG:4326."""
     crs = survey_crs(text)
