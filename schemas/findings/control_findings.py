@@ -43,6 +43,8 @@ class HeightsAllZero(BaseModel):
 
     code: Literal["heights_all_zero"] = "heights_all_zero"
     points: int
+    freed: bool = False
+    """whether they were taken as unknown, because positions give the block its heights"""
 
 
 # Users drop photographs and keep the control file; what that costs must be known before the block is believed.

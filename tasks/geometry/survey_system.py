@@ -97,6 +97,19 @@ def transform_surveyed(points: np.ndarray, source: str, target: str) -> tuple[np
     return out, source if heights[0] else target if heights[1] else None
 
 
+def middle_degrees(xy: np.ndarray, system: str) -> np.ndarray | None:
+    """Longitude and latitude (2,) of the median of points (N, 2) of a system, east or longitude first; None where it has
+    no place."""
+    middle, start = np.median(xy, axis=0), survey_crs(system)
+    if start.is_geographic and not (abs(middle[0]) <= 180.0 and abs(middle[1]) <= 90.0):
+        return None
+    try:
+        degrees = Transformer.from_crs(_plane(start), CRS.from_epsg(4326), always_xy=True).transform(*middle)
+    except ProjError:
+        return None
+    return np.array(degrees) if np.isfinite(degrees).all() else None
+
+
 def _plane(crs: CRS) -> CRS:
     """The horizontal part of a reference system."""
     return crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()

@@ -20,8 +20,8 @@ from orthomill.schemas.findings.control_findings import (
 from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoints
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList, ControlFromScans
-from orthomill.tasks.geometry.reference_system import on_earth
-from orthomill.tasks.geometry.survey_system import fitting_system, plan_of, survey_crs, transform_surveyed
+from orthomill.tasks.geometry.reference_system import in_area_of_use, on_earth
+from orthomill.tasks.geometry.survey_system import fitting_system, middle_degrees, plan_of, survey_crs, transform_surveyed
 from orthomill.tasks.geometry.unfit_maps import refuse_unfit_place
 from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_datum import datum_apart
@@ -42,16 +42,16 @@ _DEGREES = "EPSG:4326"
 def control_from_files(
     photos: Photos,
     points: str,
+    measurements: str | None,
     own: str | None,
     crs: str,
-    measurements: str | None = None,
     distances: str | None = None,
     absent: Rule = "skip",
     source: ControlFromFiles | None = None,
 ) -> Control:
     """Control from the texts of files in the project's system `crs`; `own`: the system of the texts (None: what they name, or the
-    project's); `absent`: whether measurements in photographs that the project does not have are skipped; `source`: what the workflow
-    states where the files do not. Raises WorkflowError."""
+    project's); `absent`: whether measurements in photographs that the project does not have are skipped; `source`: what the
+    workflow states where the files do not. Raises WorkflowError."""
     stated = stated_of(source)
     found, photos, of_originals = read_in_frame(
         photos, lambda frame: read_control(frame, points, measurements, distances, absent, stated), lambda control: control
@@ -180,8 +180,8 @@ def _fits_exchanged(given: np.ndarray, system: str, crs: str, photos: Photos) ->
     """Whether points are at the photographs with their first two coordinates exchanged, and only so."""
     site = _site(photos)
     if site is None:
-        # Latitudes end at 90 degrees; without photographs nothing else tells the order.
-        return bool(survey_crs(system).is_geographic and np.abs(given[:, 1]).max() > 90.0 and np.abs(given[:, 0]).max() <= 90.0)
+        own_place, other_place = (middle_degrees(given[:, order], system) for order in ([0, 1], [1, 0]))
+        return crs != ANY_CRS and not in_area_of_use(own_place, crs) and in_area_of_use(other_place, crs)
     own, other = (_distance(given[:, order], system, crs, site) for order in ([0, 1, 2], [1, 0, 2]))
     return other <= _reach(photos) < own
 

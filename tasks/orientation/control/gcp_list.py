@@ -3,8 +3,8 @@
 The first line names the reference system; every further line is one measurement of a point in one photograph: X Y Z col row
 photograph, and optionally a name. Lines without a name belong to the same point where their coordinates are equal. Blanks, tabs,
 semicolons or commas separate; the name of a photograph may hold blanks, that of a point as well where it is not unique
-without them; a height may be NaN or missing (used in plan only). Source: OpenDroneMap's documentation, "Ground Control Points", file format.
-"""
+without them; a height may be NaN or missing (used in plan only). Source: OpenDroneMap's documentation, "Ground Control Points",
+file format."""
 
 import math
 from collections import defaultdict
@@ -97,8 +97,8 @@ def _system(
     if isinstance(_read(number, first, sign, photos), _Measured):
         if source.crs is None:
             raise WorkflowError(
-                f"The GCP list names no reference system: line {number} is a measurement ('{first.strip()[:_BLANKS]}'). Put it in a "
-                "line before, e.g. EPSG:32634, or state it in the workflow (control > crs)."
+                f"The GCP list names no reference system: line {number} is a measurement ('{first.strip()[:_BLANKS]}'). Put it in "
+                "a line before, e.g. EPSG:32634, or state it in the workflow (control > crs)."
             )
         return source.crs, lines
     return source.crs or first.strip(), lines[1:]

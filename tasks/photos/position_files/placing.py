@@ -10,15 +10,14 @@ from typing import Literal
 
 import numpy as np
 from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError, ProjError
 
 from orthomill.schemas.errors import WorkflowError, some_of
 from orthomill.schemas.findings.position_findings import HeightsOfPositions
 from orthomill.schemas.map_scale import map_scale
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.project import ANY_CRS
-from orthomill.tasks.geometry.reference_system import AREA_MARGIN, ground_crs
-from orthomill.tasks.geometry.survey_system import ellipsoidal, survey_crs, transform_surveyed, vertical_name
+from orthomill.tasks.geometry.reference_system import ground_crs, in_area_of_use
+from orthomill.tasks.geometry.survey_system import ellipsoidal, middle_degrees, survey_crs, transform_surveyed, vertical_name
 from orthomill.tasks.photos.position_files.attitude_conventions import from_yaw_pitch_roll, is_line_of_sight
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
 
@@ -108,13 +107,13 @@ def _exchanged(points: np.ndarray, system: str, crs: str, photos: list[Photo]) -
     if crs == ANY_CRS:
         return False
     site = _site_of_tags(photos)
-    own, other = (_middle(points[:, order], system) for order in ([0, 1], [1, 0]))
+    own, other = (middle_degrees(points[:, order], system) for order in ([0, 1], [1, 0]))
     if site is not None:
         far, near = _apart(own, site), _apart(other, site)
         return far > _FAR and near < _NEAR
-    if _in_area(own, crs):
+    if in_area_of_use(own, crs):
         return False
-    if _in_area(other, crs):
+    if in_area_of_use(other, crs):
         return True
     where = "nowhere" if own is None else f"at longitude {own[0]:.4f}, latitude {own[1]:.4f}"
     raise WorkflowError(
@@ -129,31 +128,8 @@ def _site_of_tags(photos: list[Photo]) -> np.ndarray | None:
     return np.median(np.array(places, float), axis=0) if places else None
 
 
-def _middle(xy: np.ndarray, system: str) -> np.ndarray | None:
-    """Median longitude and latitude (2,) of points; None where they are none."""
-    middle = np.median(xy, axis=0)
-    start = _known(system)
-    if start.is_geographic and not (abs(middle[0]) <= 180.0 and abs(middle[1]) <= 90.0):
-        return None
-    try:
-        plane = start.sub_crs_list[0] if start.is_compound else start.to_2d()
-        degrees = Transformer.from_crs(plane, CRS.from_epsg(4326), always_xy=True).transform(*middle)
-    except (ProjError, CRSError):
-        return None
-    return np.array(degrees) if np.isfinite(degrees).all() else None
-
-
 def _apart(place: np.ndarray | None, site: np.ndarray) -> float:
     return float(np.abs(place - site).max()) if place is not None else math.inf
-
-
-def _in_area(place: np.ndarray | None, crs: str) -> bool:
-    """Whether a place is in the area that the project's system is for; systems across the date line are for any."""
-    area = ground_crs(crs).area_of_use
-    if area is None or area.west > area.east:
-        return place is not None
-    low, high = np.array([area.west, area.south]) - AREA_MARGIN, np.array([area.east, area.north]) + AREA_MARGIN
-    return place is not None and bool((low <= place).all() and (place <= high).all())
 
 
 def _with_tag_heights(listed: PositionList, points: np.ndarray, photos: list[Photo]) -> np.ndarray:
