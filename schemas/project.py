@@ -159,7 +159,7 @@ class PositionsFromFile(Settings):
     # The defaults are those of a consumer receiver without corrections, as for GPS tags.
     sigma_plan: float = setting(3.0, "Standard error in X and Y, where the file states none.", "m", gt=0)
     sigma_height: float = setting(5.0, "Standard error in Z, where the file states none.", "m", gt=0)
-    sigma_unit: Literal["m", "mm"] | None = setting(
+    errors_in: Literal["m", "mm"] | None = setting(
         None, "Unit of the standard errors in the file; null: metres, and refused where they can only be millimetres."
     )
 
@@ -202,7 +202,7 @@ class ControlFromFiles(Settings):
     sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
     sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
     sigma_px: float = setting(1.0, "Standard error of measurements in the photographs, where the file states none.", "px", gt=0)
-    sigma_unit: Literal["m", "mm"] | None = setting(
+    errors_in: Literal["m", "mm"] | None = setting(
         None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
     )
     check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")

@@ -254,7 +254,7 @@ def _millimetres(known: dict[str, ControlPoint]) -> str | None:
     shown = ", ".join(f"{value:g}" for value in sigma[0])
     return (
         f"The control points file gives standard errors of {shown}, which read as metres are those of no survey: are they "
-        "millimetres? State their unit: control: {..., sigma_unit: mm}, or sigma_unit: m if they are meant."
+        "millimetres? State their unit: control: {..., errors_in: mm}, or errors_in: m if they are meant."
     )
 
 

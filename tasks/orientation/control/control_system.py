@@ -65,7 +65,7 @@ def stated_of(source: ControlFromFiles | None) -> StatedControl:
     if source is None:
         return StatedControl()
     corner = None if source.origin is None else source.origin == "corner"
-    return StatedControl(source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.sigma_unit, corner)
+    return StatedControl(source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.errors_in, corner)
 
 
 def control_from_scans(

@@ -34,7 +34,7 @@ def placed_by_file(photos: list[Photo], text: str, source: PositionsFromFile | N
     """The photographs with the positions of a file in the project's system `crs`; `source`: what the workflow states of the file
     (None: nothing, as of a simulated one). Raises WorkflowError."""
     source = source or PositionsFromFile(kind="file", path="")
-    listed = read_positions(text, source.sigma_unit)
+    listed = read_positions(text, source.errors_in)
     matched, absent = _by_name(listed, photos) if listed.named else (_by_event(listed, photos), ())
     # Where there is no solution at all, the line says only that the shutter was released.
     chosen = {name: one for name, one in matched.of_photo.items() if one.fix != "none"}

@@ -68,7 +68,7 @@ def _in_metres(listed: PositionList, unit: str | None) -> PositionList:
             shown = ", ".join(f"{value:g}" for value in next(one.sigma for one in group if one.sigma))
             raise WorkflowError(
                 f"The positions file gives standard errors of {shown}, which read as metres are larger than {word}: are they "
-                "millimetres? State their unit: positions: {..., sigma_unit: mm}, or sigma_unit: m if they are meant."
+                "millimetres? State their unit: positions: {..., errors_in: mm}, or errors_in: m if they are meant."
             )
     return listed
 
