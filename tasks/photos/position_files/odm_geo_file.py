@@ -7,13 +7,11 @@ x is east or longitude. Source: OpenDroneMap's documentation, "Image geolocation
 import math
 import re
 
-from orthomill.schemas.survey_files.photograph_names import EXTENSIONS, is_image_word
+from orthomill.schemas.survey_files.photograph_names import is_image_word
+from orthomill.schemas.survey_files.recognition import NAMED_IMAGE, looks_like_system
 from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, height_mistake, sigma_mistake
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
-
-_NAMED = re.compile(rf"^\s*(.*?\.(?:{'|'.join(sorted(EXTENSIONS))}))(?=[\s,;]|$)[\s,;]*(.*)$", re.IGNORECASE)
-"""the name of an image file, which may hold blanks, and what follows it"""
 
 
 def is_geo_file(text: str) -> bool:
@@ -21,20 +19,14 @@ def is_geo_file(text: str) -> bool:
     lines = [line for _, line in lines_of(text, ("#",)).others]
     if len(lines) < 2 or is_image_word(re.split(r"[\s,;]", lines[0].strip())[0]):
         return False
-    match = _NAMED.match(lines[1])
+    match = NAMED_IMAGE.match(lines[1])
     return bool(match) and looks_like_system(lines[0]) and len(re.split(r"[\s;]+", match[2].strip())) >= 2
-
-
-def looks_like_system(line: str) -> bool:
-    """Whether a line can be the name of a reference system: EPSG:4326, WGS84 UTM 16N, a PROJ string, WKT."""
-    own = line.strip().upper()
-    return own.startswith(("EPSG:", "+PROJ", "WGS84", "WGS 84", "PROJCS[", "PROJCRS[", "GEOGCS[", "COMPD_CS[", "ETRS89", "NAD83"))
 
 
 def read_geo_file(text: str) -> PositionList:
     """The positions of a geo.txt, in the system of its first line."""
     lines = lines_of(text, ("#",)).others
-    matches = [(number, line, _NAMED.match(line)) for number, line in lines[1:]]
+    matches = [(number, line, NAMED_IMAGE.match(line)) for number, line in lines[1:]]
     sign = separation([match[2] for _, _, match in matches if match])
     found, mistakes = [], []
     for number, line, match in matches:
