@@ -144,7 +144,7 @@ def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: s
     xyz, only = transform_surveyed(given, system, crs)
     if elsewhere := _on_another_site(given, xyz, photos, system, crs):
         return _Placed({}, system, (elsewhere,))
-    if on_earth(crs) and (crs != ANY_CRS or _site(photos) is not None):
+    if on_earth(crs):
         refuse_unfit_place(np.median(xyz[:, :2], axis=0), crs)
     raised = at_the_heights_of_positions(given, xyz, system, crs, photos)
     found += [raised.finding] if raised.finding else [HeightsNotTransformed(crs=only)] if only else []

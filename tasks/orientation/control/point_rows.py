@@ -60,6 +60,9 @@ def point_rows(text: str, stated: StatedControl, mistakes: list[str]) -> Rows:
         if missing:
             mistakes.append(_lacks("control points", missing, POINT_COLUMNS))
             return Rows("table of orthomill", ())
+    if missing := [name for name in (("lon", "lat") if meanings & {"lon", "lat"} else ("x", "y")) if name not in meanings]:
+        mistakes.append(_lacks("control points", missing, POINT_COLUMNS))
+        return Rows("unknown", ())
     rows, skipped = [], 0
     for number, line in data:
         cells = _cells(line, spec, names, sign, f"Control points file, line {number}", mistakes)
