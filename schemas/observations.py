@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.schemas.findings.control_findings import ControlFinding
+from orthomill.schemas.findings.control_findings import ControlFinding, ControlRead
 from orthomill.schemas.job import Columns, Table
 
 
@@ -91,6 +91,8 @@ class Control(BaseModel):
     distances: tuple[Distance, ...] = ()
     findings: tuple[ControlFinding, ...] = ()
     """what could not be used, and about the reference system; the report puts them into words"""
+    read: ControlRead | None = None
+    """the files that it comes from; None without control, and for targets of scans"""
 
 
 TIE_POINT_COUNTS = Table("tie_points/counts.json", TiePointCounts)

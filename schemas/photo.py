@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.job import Table
 
 Decoding = Literal["anywhere", "in_order", "at_once"]
@@ -198,6 +199,10 @@ class Photos(BaseModel):
     photos: tuple[Photo, ...]
     remarks: tuple[PhotoRemark, ...] = ()
     """about files and positions that were set aside"""
+    positions_read: PositionsRead | None = None
+    """the positions file, where positions come from one"""
+    heights: HeightsOfPositions | None = None
+    """what the heights of the positions refer to; None without positions"""
 
     def __getitem__(self, name: str) -> Photo:
         return next(photo for photo in self.photos if photo.name == name)

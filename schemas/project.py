@@ -142,13 +142,30 @@ class PositionsFromExif(Settings):
     sigma_height: float | None = setting(
         None, "Standard error in Z; by default each photograph's own by its tags (RTK), 5 where they state none.", "m", gt=0
     )
+    crs: str | None = setting(
+        None,
+        "What the heights of the tags refer to, as a reference system: EPSG:4979 for heights above the ellipsoid, EPSG:4326+5773 "
+        "for heights above the sea (EGM96); by default what the tags say, if they do.",
+    )
 
 
 class PositionsFromFile(Settings):
-    """Projection centres from a CSV file with the columns photo, x, y, z, sigma_x, sigma_y, sigma_z in the project's CRS."""
+    """Projection centres from a file: columns photo, x, y, z, sigma_x, sigma_y, sigma_z, or what DJI (.MRK), RTKLIB, Emlid,
+    REDtoolbox, Pix4D, Metashape, OpenDroneMap (geo.txt) and senseFly write."""
 
     kind: Literal["file"]
-    path: str = setting(..., "The CSV file, relative to the project's root.")
+    path: str = setting(..., "The file, relative to the project's root.")
+    crs: str | None = setting(
+        None,
+        "Reference system of the positions, e.g. EPSG:4979 (degrees, heights above the ellipsoid) or EPSG:2100+5773; by default "
+        "the one that the file names, EPSG:4326 for degrees, or that of the project.",
+    )
+    # The defaults are those of a consumer receiver without corrections, as for GPS tags.
+    sigma_plan: float = setting(3.0, "Standard error in X and Y, where the file states none.", "m", gt=0)
+    sigma_height: float = setting(5.0, "Standard error in Z, where the file states none.", "m", gt=0)
+    errors_in: Literal["m", "mm"] | None = setting(
+        None, "Unit of the standard errors in the file; null: metres, and refused where they can only be millimetres."
+    )
 
 
 class NoPositions(Settings):
@@ -167,20 +184,36 @@ Positions = Annotated[PositionsFromExif | PositionsFromFile | NoPositions | Simu
 
 
 class ControlFromFiles(Settings):
-    """Ground control and check points from two CSV files."""
+    """Ground control and check points from files: our own columns, or what Pix4D, Metashape (CSV, XML), Leica and others write."""
 
     kind: Literal["files"]
     points: str = setting(
         ...,
         "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is measured in "
-        "photographs only, and its coordinates are left empty.",
+        "photographs only, and its coordinates are left empty. Or a list of another program: name and coordinates.",
     )
-    measurements: str = setting(..., "CSV with the columns name, photo, col, row, sigma (pixels).")
+    measurements: str | None = setting(
+        None,
+        "CSV with the columns name, photo, col, row, sigma (pixels), or the marks of Pix4D (photo, name, col, row); null: they are "
+        "in the file of the points, as in Metashape's XML.",
+    )
     distances: str | None = setting(
         None, "CSV with the columns from, to, metres, sigma: spatial distances measured between these points."
     )
     crs: str | None = setting(
         None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the project."
+    )
+    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
+    sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
+    sigma_px: float = setting(1.0, "Standard error of measurements in the photographs, where the file states none.", "px", gt=0)
+    errors_in: Literal["m", "mm"] | None = setting(
+        None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
+    )
+    check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")
+    origin: Literal["centre", "corner"] | None = setting(
+        None,
+        "Origin (0, 0) of the pixel coordinates: the centre of the upper-left pixel, or its corner; null: the corner for files of "
+        "Pix4D and Metashape, the centre for others.",
     )
     absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 

@@ -36,6 +36,7 @@ from orthomill.schemas.job import (
     Stream,
     Table,
 )
+from orthomill.schemas.survey_files.text_encoding import LARGEST, decoded
 
 _NO_MEMORY = ("bad_alloc", "Insufficient memory", "Cannot allocate memory", "Unable to allocate")
 
@@ -191,11 +192,11 @@ def read_file(root: Path, region: FileRegion) -> Any:
 
 
 def _read_text(path: Path) -> str:
-    try:
-        # Spreadsheets begin a CSV file with a byte order mark, which would become part of the first column's name.
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise StoreError(f"{path} is not a text file in UTF-8; save it as plain text.") from None
+    if path.stat().st_size > LARGEST:
+        raise StoreError(
+            f"{path} has {path.stat().st_size / 1e6:.0f} MB, more than any list of photographs or points; give another."
+        )
+    return decoded(path.read_bytes(), str(path))
 
 
 def _write(store: Store, region: Raster | Table, value: Any) -> None:

@@ -60,7 +60,7 @@ class Survey:
     def utm(self) -> str | None:
         """The UTM zone of the middle of the photographs, if any of them has a position."""
         if not self.places:
-            return None
+            return utm_zone(*self.beside.site) if self.beside.site else None
         # The median ignores single photographs taken before the receiver had a fix, or elsewhere.
         longitudes, latitudes = zip(*self.places, strict=True)
         return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
@@ -68,7 +68,7 @@ class Survey:
     @property
     def placeless(self) -> bool:
         """Whether nothing is known of the place of the photographs: any system in metres will do."""
-        return not (self.places or self.beside.positions or self.beside.gcp_list)
+        return not (self.places or self.beside.positions or self.beside.control)
 
     @property
     def without_focal(self) -> int:
@@ -116,7 +116,8 @@ def survey_folder(folder: str, root: Path) -> Survey:
         )
     # The same way as `_inside`: a link inside of the project is no way out of it.
     top = Path(os.path.abspath(root))
-    return Survey(folder, tuple(headers), look_beside(top / folder, top, {(h.width, h.height) for h in headers}))
+    names = tuple(Path(header.path).stem for header in headers)
+    return Survey(folder, tuple(headers), look_beside(top / folder, top, {(h.width, h.height) for h in headers}, names))
 
 
 def _inside(photos: Path, root: Path) -> str:
@@ -209,9 +210,9 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
     if crs:
         yield f"crs: {flow(crs)}"
     elif survey.beside.projected:
-        yield f"crs: {flow(survey.beside.projected)}  # that of {survey.beside.gcp_list}"
+        yield f"crs: {flow(survey.beside.projected)}  # that of {survey.beside.control or survey.beside.positions}"
     elif survey.utm:
-        yield f"crs: {flow(survey.utm)}  # the UTM zone of the GPS positions; a national grid is possible as well"
+        yield f"crs: {flow(survey.utm)}  # the UTM zone of the positions; a national grid is possible as well"
     elif survey.placeless:
         yield f"crs: {ANY_CRS}  # stands for a local system in metres: nothing tells where the photographs were taken"
     elif survey.beside.unknown_system:
@@ -244,8 +245,9 @@ def _positions(survey: Survey) -> Iterator[str]:
     yield "# Where the photographs were taken: exif, file (a CSV file, e.g. from RTK) or none."
     yield "positions:"
     if survey.beside.positions:
-        yield "  kind: file  # found beside the photographs; in the project's CRS"
+        yield f"  kind: file  # found beside the photographs: {survey.beside.positions_format}"
         yield f"  path: {flow(survey.beside.positions)}"
+        yield "  # crs: EPSG:4979  # what the file is in, where it does not say so; by default the project's crs, or degrees"
         return
     if not survey.places:
         yield "  kind: none  # no photograph has GPS tags; without positions, control points must define the datum"
@@ -267,6 +269,13 @@ def _control(survey: Survey) -> Iterator[str]:
         for name in ("sigma_plan", "sigma_height", "sigma_px"):
             setting = variants(Project.model_fields["control"].annotation)["gcp_list"].model_fields[name]
             yield f"  # {name}: {flow(setting.default)}  # {sentence(setting)} [{unit(setting)}]"
+        return
+    if survey.beside.points:
+        yield f"  kind: files  # found beside the photographs: {survey.beside.control_format}"
+        yield f"  points: {flow(survey.beside.points)}"
+        if survey.beside.marks:
+            yield f"  measurements: {flow(survey.beside.marks)}"
+        yield "  # crs: EPSG:4326  # what the points are in, where the file does not say so; by default the project's crs"
         return
     yield "  kind: none"
     yield "  # kind: files"
@@ -293,9 +302,14 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
 
 def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
     beside = survey.beside
-    for path, use in ((beside.gcp_list, "ground control"), (beside.positions, "positions"), (beside.camera, "camera")):
+    for path, use, form in (
+        (beside.control, "ground control", beside.control_format),
+        (beside.positions, "positions", beside.positions_format),
+        (beside.camera, "camera", ""),
+    ):
         if path:
-            yield f"{path} lies beside the photographs and is used for the {use}."
+            yield f"{path} lies beside the photographs and is used for the {use}{f' ({form})' * bool(form)}."
+    yield from beside.unused
     if beside.unknown_system:
         yield f"Fill in 'control > crs': PROJ does not know the system '{beside.system}' that {beside.gcp_list} names."
     if not (crs or survey.utm or beside.projected) and not survey.placeless:

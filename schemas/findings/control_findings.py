@@ -43,6 +43,8 @@ class HeightsAllZero(BaseModel):
 
     code: Literal["heights_all_zero"] = "heights_all_zero"
     points: int
+    freed: bool = False
+    """whether they were taken as unknown, because positions give the block its heights"""
 
 
 # Users drop photographs and keep the control file; what that costs must be known before the block is believed.
@@ -75,7 +77,118 @@ class MeasurementsOfOriginals(BaseModel):
     """width and height of one of the photographs before and after, px"""
 
 
+# Tags are lost when photographs are reduced, and nothing else tells by how much.
+class MeasurementsReduced(BaseModel):
+    """Control measurements were divided by one factor, because only so do all of them lie inside of the photographs."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["measurements_reduced"] = "measurements_reduced"
+    measurements: int
+    outside: int
+    """how many of them lie outside of the photographs as they are"""
+    factor: float
+
+
+# EPSG defines northing or latitude first for many systems, and so do the files of some programs.
+class ControlExchanged(BaseModel):
+    """The first two coordinates of surveyed points were exchanged, because only so are they where the photographs were taken."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["control_exchanged"] = "control_exchanged"
+    points: int
+    crs: str
+
+
+class ControlInDegrees(BaseModel):
+    """Surveyed points were read as longitude and latitude, which nothing but their numbers tells."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["control_in_degrees"] = "control_in_degrees"
+    points: int
+
+
+class HeightsUnknown(BaseModel):
+    """Surveyed points without heights: used in plan only."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["heights_unknown"] = "heights_unknown"
+    points: tuple[str, ...]
+    zero: bool = False
+    """whether their height is 0, where others have real ones, or all of them have it"""
+    left_out: tuple[str, ...] = ()
+    """check points, which check nothing without a height"""
+
+
+class HeightsInFeet(BaseModel):
+    """Heights of surveyed points that are, or may be, in feet."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["heights_in_feet"] = "heights_in_feet"
+    crs: str
+    unit_m: float
+    converted: bool
+    """True: as the plan is in feet; False: they lie above all cameras, and would not if they were in feet"""
+
+
+class DatumApart(BaseModel):
+    """Surveyed points lie beside where their photographs were taken, by what another datum explains."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["datum_apart"] = "datum_apart"
+    crs: str
+    fits: str
+    """the reference system in which they would lie amid their photographs"""
+    distance_m: float
+
+
+class HeightsOfTwoSystems(BaseModel):
+    """Heights of control and of positions refer to different surfaces."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["heights_of_two_systems"] = "heights_of_two_systems"
+    control: str
+    positions: str
+    shift_m: float | None
+    """by how much the heights of control were raised to those of the positions; None: PROJ lacks the grid, nothing was done"""
+    crs: str
+    """the crs with which the project would have the heights of the control"""
+
+
+class ControlRead(BaseModel):
+    """The files of the control as they were read; not a finding, but what one wants to know."""
+
+    model_config = ConfigDict(frozen=True)
+
+    format: str
+    points: int
+    measurements: int
+    crs: str
+    skipped: int = 0
+    """lines without coordinates or without a measurement"""
+    corner: bool = False
+    """pixels were counted from the corner of the upper-left one, half a pixel more than from its centre"""
+    encoding: str = "UTF-8"
+
+
 ControlFinding = Annotated[
-    HeightsNotTransformed | ControlElsewhere | HeightsAllZero | PhotographsAbsent | MeasurementsOfOriginals,
+    HeightsNotTransformed
+    | ControlElsewhere
+    | HeightsAllZero
+    | PhotographsAbsent
+    | MeasurementsOfOriginals
+    | MeasurementsReduced
+    | ControlExchanged
+    | ControlInDegrees
+    | HeightsUnknown
+    | HeightsInFeet
+    | DatumApart
+    | HeightsOfTwoSystems,
     Field(discriminator="code"),
 ]

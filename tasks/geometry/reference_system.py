@@ -87,6 +87,16 @@ def _check_area(text: str, longitude_latitude: np.ndarray) -> None:
         )
 
 
+def in_area_of_use(place: np.ndarray | None, text: str) -> bool:
+    """Whether a place (2,), longitude and latitude, is where a project's system is meant for; systems that state no area, and those
+    across the date line, are for any place."""
+    area = ground_crs(text).area_of_use
+    if area is None or area.west > area.east:
+        return place is not None
+    low, high = np.array([area.west, area.south]) - AREA_MARGIN, np.array([area.east, area.north]) + AREA_MARGIN
+    return place is not None and bool((low <= place).all() and (place <= high).all())
+
+
 def _unit(crs: CRS) -> str:
     name = crs.axis_info[0].unit_name if crs.axis_info else "an unnamed unit"
     return {"degree": "degrees", "metre": "metres", "foot": "feet", "US survey foot": "US survey feet"}.get(name, name)

@@ -13,8 +13,11 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.geoid_grids import how_to_get, missing_grids, with_grids_of_the_system
 from orthomill.tasks.geometry.reference_system import ground_crs
 
+_LONG = 60
+"""letters of the name of a system, beyond which it is its whole definition"""
 _NEAR = 20_000.0
 """m: points within this distance of the photographs belong to the same site; zones, systems and axes in error are farther off"""
 
@@ -27,8 +30,8 @@ def survey_crs(text: str) -> CRS:
         except CRSError:
             continue
     raise WorkflowError(
-        f"The reference system '{text}' of the control points is not known to PROJ; name it in the workflow (control > crs) or in "
-        "their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
+        f"The reference system '{text[:_LONG]}' of the control points is not known to PROJ; name it in the workflow (control > "
+        "crs) or in their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
     )
 
 
@@ -49,9 +52,31 @@ def vertical_name(text: str) -> str | None:
     return f"ellipsoid of {crs.name}" if len(crs.axis_info) == 3 else None
 
 
+def height_unit(text: str) -> float:
+    """The length (m) of the unit of heights in a reference system: that of its vertical part, or else that of its plan."""
+    crs = survey_crs(text)
+    axes = crs.sub_crs_list[1].axis_info if crs.is_compound else crs.axis_info[2:]
+    # Lists in feet have feet throughout; degrees say nothing of heights.
+    axes = axes or ([] if crs.is_geographic else _plane(crs).axis_info)
+    return float(axes[0].unit_conversion_factor) if axes else 1.0
+
+
+def plan_of(text: str) -> str:
+    """The horizontal part of a system, whose coordinates need no grid of a geoid."""
+    crs = _plane(survey_crs(text))
+    code = crs.to_epsg(min_confidence=100)
+    return f"EPSG:{code}" if code else str(crs.to_wkt())
+
+
+def ellipsoidal(text: str) -> str:
+    """A system in plan with heights above its ellipsoid: EPSG:4979 for EPSG:4326."""
+    crs = survey_crs(text)
+    return "EPSG:4979" if crs.equals(CRS.from_epsg(4326)) else str(_plane(crs).to_3d().to_wkt())
+
+
 def transform_surveyed(points: np.ndarray, source: str, target: str) -> tuple[np.ndarray, str | None]:
-    """Points (N, 3), east or longitude first, from one system to the other; and, where heights kept their values because only one
-    of the systems has a vertical datum, the name of that system.
+    """Points (N, 3), east or longitude first, from one system to the other, heights in metres (NaN: unknown); and, where heights
+    kept their reference because only one of the systems has a vertical datum, the name of that system.
 
     Raises WorkflowError when a grid that the heights need is not installed, or a point cannot be transformed.
     """
@@ -59,13 +84,30 @@ def transform_surveyed(points: np.ndarray, source: str, target: str) -> tuple[np
     heights = (vertical_name(source), vertical_name(target))
     if start.equals(end):
         return points, None
+    unknown = np.isnan(points[:, 2])
     if all(heights):
-        return _with_heights(points, start, end, source, target), None
+        # A height of the neighbourhood: PROJ returns nothing for points without one.
+        stand_in = float(np.median(points[~unknown, 2])) if not unknown.all() else 0.0
+        out = _with_heights(np.column_stack([points[:, :2], np.where(unknown, stand_in, points[:, 2])]), start, end, source, target)
+        return np.column_stack([out[:, :2], np.where(unknown, np.nan, out[:, 2])]), None
     transformer = Transformer.from_crs(_plane(start), ground_crs(target), always_xy=True)
     x, y = transformer.transform(points[:, 0], points[:, 1])
-    out = np.column_stack([x, y, points[:, 2]])
-    _check_finite(out, source, target)
+    out = np.column_stack([x, y, points[:, 2] * height_unit(source)])
+    _check_finite(out[:, :2], source, target)
     return out, source if heights[0] else target if heights[1] else None
+
+
+def middle_degrees(xy: np.ndarray, system: str) -> np.ndarray | None:
+    """Longitude and latitude (2,) of the median of points (N, 2) of a system, east or longitude first; None where it has
+    no place."""
+    middle, start = np.median(xy, axis=0), survey_crs(system)
+    if start.is_geographic and not (abs(middle[0]) <= 180.0 and abs(middle[1]) <= 90.0):
+        return None
+    try:
+        degrees = Transformer.from_crs(_plane(start), CRS.from_epsg(4326), always_xy=True).transform(*middle)
+    except ProjError:
+        return None
+    return np.array(degrees) if np.isfinite(degrees).all() else None
 
 
 def _plane(crs: CRS) -> CRS:
@@ -75,25 +117,30 @@ def _plane(crs: CRS) -> CRS:
 
 def _with_heights(points: np.ndarray, start: CRS, end: CRS, source: str, target: str) -> np.ndarray:
     """Points (N, 3) transformed in all three coordinates. Raises WorkflowError when PROJ lacks the best operation's grid."""
+    with_grids_of_the_system()
     # A Transformer falls back silently on a ballpark operation, which leaves heights as they are; the group says that it does.
     group = TransformerGroup(start, end, always_xy=True)
     if not group.best_available or not group.transformers:
-        grids = [grid for operation in group.unavailable_operations for grid in operation.grids]
-        missing = sorted({grid.short_name for grid in grids if not grid.available})
+        missing = missing_grids(group.unavailable_operations)
         raise WorkflowError(
-            f"Heights cannot be transformed from {source} to {target}: PROJ lacks the grid {', '.join(missing[:3]) or 'for it'}. "
-            "Install it (projsync), or give control with heights in the project's own system."
+            f"Heights cannot be transformed from {_named(start, source)} to {_named(end, target)}: PROJ lacks the grid "
+            f"{', '.join(missing[:3]) or 'for it'}; {how_to_get(missing)}; or leave the height part out of both systems."
         )
     out = np.column_stack(group.transformers[0].transform(*points.T))
     _check_finite(out, source, target)
     return out
 
 
+def _named(crs: CRS, text: str) -> str:
+    """A system by what it was called; WKT by its name."""
+    return text if len(text) < _LONG else f"{crs.name} with heights above the ellipsoid"
+
+
 def _check_finite(points: np.ndarray, source: str, target: str) -> None:
     if not np.isfinite(points).all():
         raise WorkflowError(
-            f"Control points cannot be transformed from {source} to {target}: their coordinates lie outside of it. State the "
-            "reference system in which they were surveyed."
+            f"Coordinates cannot be transformed from {source[:_LONG]} to {target}: they lie outside of it. State the reference "
+            "system in which they were surveyed."
         )
 
 

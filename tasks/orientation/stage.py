@@ -37,7 +37,7 @@ from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.plane.block_on_plane import PLANE, SURVEY_BLOCK, SURVEY_POINTS, block_on_plane
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report import report
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.control_sentences import control_read_sentence, control_sentence
 from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
@@ -139,7 +139,10 @@ class OrientationStage(Stage):
 
     def remarks(self, view: ProjectView) -> Iterator[str]:
         """What is noticed about the control."""
-        return map(control_sentence, view.table(CONTROL).findings)
+        control = view.table(CONTROL)
+        if control.read:
+            yield control_read_sentence(control.read)
+        yield from map(control_sentence, control.findings)
 
     def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
         """Where the corners of every photograph lie at the mean height of the ground."""
@@ -271,11 +274,16 @@ class OrientationStage(Stage):
         if source.kind == "simulated":
             points, measurements = map(view.run_file, _SIMULATED)
             return _control_job(control_from_files, _control_texts(points, measurements), {"own": None, "crs": view.project.crs})
-        reads = _control_texts(source.points, source.measurements)
+        reads: Reads = {"photos": PHOTOS, "points": TextFile(source.points)}
         # Optional in the project, and then a parameter of the function with a default.
         if source.distances:
             reads["distances"] = TextFile(source.distances)
-        return _control_job(control_from_files, reads, {"own": source.crs, "crs": view.project.crs, "absent": source.absent})
+        stated: dict[str, Any] = {"own": source.crs, "crs": view.project.crs, "absent": source.absent, "source": source}
+        if source.measurements:
+            reads["measurements"] = TextFile(source.measurements)
+        else:
+            stated["measurements"] = None
+        return _control_job(control_from_files, reads, stated)
 
 
 def _plane_jobs(grid: PlaneSurface) -> Iterator[Job | Export]:

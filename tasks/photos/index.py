@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError, WorkflowError, some_of
+from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
 from orthomill.schemas.project import NoPositions, Positions, PositionsFromExif
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
@@ -22,7 +23,8 @@ from orthomill.tasks.imagery.upright import exif_orientation, upright_shape
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.pair_names import refuse_ambiguous
-from orthomill.tasks.photos.positions import Position, read_positions
+from orthomill.tasks.photos.position_files.photographs_by_file import placed_by_file
+from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, with_heights_of_crs
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
@@ -60,6 +62,15 @@ class PhotoIndex(NamedTuple):
 
     photos: Photos
     scans: Scans
+
+
+class Placed(NamedTuple):
+    """Photographs with positions, remarks about these, the file that they come from, and what their heights refer to."""
+
+    photos: list[Photo]
+    remarks: list[PhotoRemark]
+    read: PositionsRead | None = None
+    heights: HeightsOfPositions | None = None
 
 
 def photo_from_header(header: Header) -> Photo:
@@ -147,31 +158,36 @@ def index_photos(
     photos = with_flights(_with_sensors(with_serials(shared_equivalents(photos))))
     photos, about_heights = with_one_sign(photos)
     remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
-    photos, about_positions = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
-    remarks += [*about_positions, *_far_apart(photos), *tag_remarks(headers, photos, positions)]
+    found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
+    photos = found.photos
+    refuse_unfit_map(photos, crs)
+    remarks += [*found.remarks, *_far_apart(photos), *tag_remarks(headers, photos, positions)]
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
     leveled = (photo.model_copy(update={"levels": level_count((photo.height, photo.width))}) for photo in framed)
     cut = coordinates.kind != "digital" and coordinates.picture_mm is not None
     scans = Scans(scans=tuple(one.scan for one in fitted), cut=cut)
-    return PhotoIndex(Photos(photos=tuple(leveled), remarks=tuple(remarks)), scans)
+    indexed = Photos(photos=tuple(leveled), remarks=tuple(remarks), positions_read=found.read, heights=found.heights)
+    return PhotoIndex(indexed, scans)
 
 
-def _placed(
-    photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]
-) -> tuple[list[Photo], list[PhotoRemark]]:
+def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]) -> Placed:
     """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones.
 
     own: the standard errors that the tags give, by the name of the photograph.
     """
     if isinstance(positions, NoPositions):
-        return photos, []
+        return Placed(photos, [])
     if positions.kind != "exif":
-        return _placed_by_file(photos, text)
+        # The tags say how the position was found that they hold, not the one of the file.
+        plain = [photo.model_copy(update={"fix": None, "height_kind": None}) for photo in photos]
+        return Placed(*placed_by_file(plain, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
-    return _placed_by_gps(photos, crs, {name: _stated(positions, sigma) for name, sigma in own.items()}), strays
+    placed = _placed_by_gps(photos, crs, {name: _stated(positions, sigma) for name, sigma in own.items()})
+    placed, heights = with_heights_of_crs(placed, crs, positions.crs)
+    return Placed(placed, strays, None, heights)
 
 
 def _own_sigmas(headers: tuple[Header, ...]) -> dict[str, Sigma]:
@@ -353,29 +369,6 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: dict[str, Sigma]) -> li
     xy = ground_coordinates(crs, geographic[:, :2])
     places = {name: (float(x), float(y), float(height)) for name, (x, y), height in zip(tagged, xy, geographic[:, 2], strict=True)}
     return [_placed_at(photo, places.get(photo.name), sigma[photo.name]) for photo in photos]
-
-
-def _placed_by_file(photos: list[Photo], text: str) -> tuple[list[Photo], list[PhotoRemark]]:
-    positions = read_positions(text)
-    names = {photo.name for photo in photos}
-    absent = tuple(name for name in positions if name not in names)
-    # Photographs are dropped, and their lines stay: but where all of them are gone, the names are wrong.
-    if absent and len(absent) == len(positions):
-        raise WorkflowError(
-            f"The positions file names none of the photographs: it has {some_of(absent, 3)}, the project has "
-            f"{some_of([photo.name for photo in photos], 3)}; correct its names, or set positions: {{kind: none}}."
-        )
-    remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
-    # The tags say how the position was found that they hold, not the one of the file.
-    plain = (photo.model_copy(update={"fix": None, "height_kind": None}) for photo in photos)
-    return [_placed_as(photo, positions.get(photo.name)) for photo in plain], remarks
-
-
-def _placed_as(photo: Photo, position: Position | None) -> Photo:
-    if position is None:
-        return photo
-    placed = _placed_at(photo, position.xyz, position.sigma)
-    return placed if position.attitude is None else placed.model_copy(update={"attitude": position.attitude, "attitude_of": "file"})
 
 
 def _placed_at(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:

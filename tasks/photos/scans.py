@@ -19,9 +19,9 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.raster import Window
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.imagery.resampling import sample_cubic
 from orthomill.tasks.photos.fiducials import fit_marks
-from orthomill.tasks.photos.positions import photo_stem
 
 # A frame whose pixels are this many times coarser or finer than those of the scan comes from a wrong unit: mistaken units (mm for
 # micrometres, dpi for micrometres) differ by more, sensible reductions by less.

@@ -5,9 +5,10 @@ import pytest
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
 from orthomill.schemas.project import NoPositions, PositionsFromExif, PositionsFromFile
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.index import Limits, index_photos, photo_from_header
-from orthomill.tasks.photos.positions import photo_stem, read_positions
+from orthomill.tasks.photos.position_files.reading import read_positions
 from orthomill.tasks.photos.report import remark_sentence
 
 DRONE = {
@@ -149,9 +150,15 @@ def test_the_system_of_another_country_is_refused():
 
 
 def test_positions_from_a_file_name_photographs_with_or_without_extension():
-    text = "photo, x, y, z, sigma_x, sigma_y, sigma_z\na.jpg, 1, 2, 3, 0.1, 0.1, 0.2\nother, 4, 5, 6, 1, 1, 1\n"
-    photos = photos_of((header("a.jpg"), header("b.jpg")), "EPSG:2100", PositionsFromFile(kind="file", path="p.csv"), LIMITS, text)
-    assert photos["a"].position == (1.0, 2.0, 3.0) and photos["a"].position_sigma == (0.1, 0.1, 0.2)
+    text = "photo, x, y, z, sigma_x, sigma_y, sigma_z\na.jpg, 400001, 4400002, 3, 0.1, 0.1, 0.2\nother, 4, 5, 6, 1, 1, 1\n"
+    photos = photos_of(
+        (header("a.jpg", tags={}), header("b.jpg", tags={})),
+        "EPSG:2100",
+        PositionsFromFile(kind="file", path="p.csv"),
+        LIMITS,
+        text,
+    )
+    assert photos["a"].position == (400001.0, 4400002.0, 3.0) and photos["a"].position_sigma == (0.1, 0.1, 0.2)
     assert photos["b"].position is None
     assert photos_of((header(),), "EPSG:2100", NoPositions(kind="none"), LIMITS)["a"].position is None
 
@@ -174,8 +181,8 @@ def test_a_wrong_positions_file_names_its_line(text, part):
 
 def test_a_positions_file_may_hold_attitudes():
     text = "photo,x,y,z,sigma_x,sigma_y,sigma_z,omega,phi,kappa\na,1,2,3,1,1,1,10,20,30\nb,1,2,3,1,1,1,,,\n"
-    read = read_positions(text)
-    assert read["a"].attitude == (10.0, 20.0, 30.0) and read["b"].attitude is None
+    first, second = read_positions(text).positions
+    assert first.omega_phi_kappa == (10.0, 20.0, 30.0) and second.omega_phi_kappa is None
     with pytest.raises(WorkflowError, match="Line 2 of the positions file gives 10, steep, 30 for omega, phi, kappa"):
         read_positions(text.replace("20", "steep"))
 
@@ -239,7 +246,7 @@ def test_of_two_camps_of_positions_none_is_a_stray():
 def test_photographs_of_one_large_block_are_not_far_apart():
     rows = "".join(f"p{i},{500000 + 40000 * i},{4400000},9000,1,1,1\n" for i in range(20))
     text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n" + rows
-    headers = tuple(header(f"p{i}.jpg") for i in range(20))
+    headers = tuple(header(f"p{i}.jpg", tags={}) for i in range(20))
     from_file = PositionsFromFile(kind="file", path="p.csv")
     assert photos_of(headers, "EPSG:2100", from_file, LIMITS, text).remarks == ()
     (apart,) = photos_of(headers, "EPSG:2100", from_file, LIMITS, text.replace("p0,5", "p0,1")).remarks
@@ -247,18 +254,18 @@ def test_photographs_of_one_large_block_are_not_far_apart():
 
 
 def test_lines_of_other_photographs_in_the_positions_file_are_a_remark_unless_all_are():
-    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n{},1,2,3,1,1,1\nq,1,2,3,1,1,1\n"
+    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n{},400001,4400002,3,1,1,1\nq,1,2,3,1,1,1\n"
     from_file = PositionsFromFile(kind="file", path="p.csv")
-    (remark,) = photos_of((header("p.jpg"),), "EPSG:2100", from_file, LIMITS, text.format("p.JPG")).remarks
+    (remark,) = photos_of((header("p.jpg", tags={}),), "EPSG:2100", from_file, LIMITS, text.format("p.JPG")).remarks
     assert remark.code is PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH and remark.photos == ("q",)
     with pytest.raises(WorkflowError, match="names none of the photographs: it has r, q, the project has p;"):
-        photos_of((header("p.jpg"),), "EPSG:2100", from_file, LIMITS, text.format("r"))
+        photos_of((header("p.jpg", tags={}),), "EPSG:2100", from_file, LIMITS, text.format("r"))
 
 
 def test_neighbours_across_the_date_line_are_no_strays():
     tags = [{**DRONE, "GPSLongitude": f"(179.99{i})", "GPSLongitudeRef": "EW"[i % 2], "GPSLatitude": "(-17)"} for i in range(6)]
     headers = tuple(header(f"p{i}.jpg", tags=tag) for i, tag in enumerate(tags))
-    assert photos_of(headers, "EPSG:3832", EXIF_POSITIONS, LIMITS).remarks == ()
+    assert photos_of(headers, "EPSG:3460", EXIF_POSITIONS, LIMITS).remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -270,7 +277,7 @@ def test_only_extensions_of_images_are_cut_off_names(name, stem):
 
 def test_a_byte_order_mark_in_front_of_the_positions_is_skipped():
     text = "\ufeffphoto,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\n"
-    assert read_positions(text)["a"].xyz == (1.0, 2.0, 3.0)
+    assert read_positions(text).positions[0].xyz == (1.0, 2.0, 3.0)
 
 
 def test_the_sigma_of_gps_is_that_of_the_setting():

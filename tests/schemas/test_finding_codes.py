@@ -82,7 +82,14 @@ BLOCK_VALUES = {
 CONTROL_VALUES = {
     "heights_not_transformed": {"crs": "EPSG:2100+5773"},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
-    "heights_all_zero": {"points": 5},
+    "heights_all_zero": {"points": 5, "freed": True},
+    "measurements_reduced": {"measurements": 25, "outside": 20, "factor": 5.0},
+    "control_exchanged": {"points": 5, "crs": "EPSG:2180"},
+    "control_in_degrees": {"points": 5},
+    "heights_unknown": {"points": ("P1", "P2"), "zero": True, "left_out": ("P2",)},
+    "heights_in_feet": {"crs": "EPSG:26849", "unit_m": 0.3048006096, "converted": True},
+    "datum_apart": {"crs": "EPSG:32632", "fits": "EPSG:23032", "distance_m": 197.4},
+    "heights_of_two_systems": {"control": "EGM96 height", "positions": "the ellipsoid", "shift_m": None, "crs": "EPSG:32632+5773"},
     "measurements_of_originals": {"measurements": 9, "outside": 8, "original": (4032, 3024), "reduced": (1200, 900)},
     "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},
 }

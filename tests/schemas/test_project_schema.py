@@ -117,7 +117,7 @@ def test_every_kind_is_tried_above():
         ("positions", {"kind": "exif", "sigma_height": -1}, "greater than 0"),
         ("control", {"kind": "gcp_list", "path": "a", "sigma_px": 0}, "greater than 0"),
         ("control", {"kind": "gcp_list", "path": "a", "origin": "middle"}, "origin"),
-        ("control", {"kind": "files", "points": "a"}, "measurements"),
+        ("control", {"kind": "files", "measurements": "a"}, "points"),
         ("photographs", {"kind": "list", "paths": []}, "at least 1 item"),
     ],
 )

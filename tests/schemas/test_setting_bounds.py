@@ -20,6 +20,8 @@ VALUES = {
     "CameraGiven": {"kind": "given", "c": 3000.0},
     "CameraFromChessboards": {"kind": "chessboards", "photographs": FOLDER, "corners": (5, 6), "square": 0.05},
     "PositionsFromExif": {"kind": "exif"},
+    "PositionsFromFile": {"kind": "file", "path": "gnss.csv"},
+    "ControlFromFiles": {"kind": "files", "points": "points.csv"},
     "ControlFromGcpList": {"kind": "gcp_list", "path": "gcp_list.txt"},
     "Tolerances": {},
 }
@@ -68,7 +70,7 @@ def test_lengths_and_standard_errors_have_bounds():
         for name in model.model_fields
         if name.startswith("sigma_") or name in ("c", "square", "pixel_um", "tile", "boards")
     }
-    assert len(sizes) == 13 and sizes <= bounded
+    assert len(sizes) == 18 and sizes <= bounded
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)

@@ -8,48 +8,116 @@ import csv
 import math
 from collections.abc import Iterator
 from itertools import zip_longest
-from pathlib import PurePosixPath
 
 from orthomill.schemas.errors import WorkflowError, first_of
+from orthomill.schemas.findings.control_findings import ControlRead
 from orthomill.schemas.observations import Control, ControlPoint, Distance
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.survey_files.photograph_names import PhotographNames
+from orthomill.schemas.survey_files.sniffed_table import Separation
+from orthomill.schemas.survey_files.text_encoding import encoding_of
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
 from orthomill.tasks.orientation.control.absent_photographs import Rule, Skipped
+from orthomill.tasks.orientation.control.metashape_xml import is_markers_xml, marker_rows
+from orthomill.tasks.orientation.control.point_rows import (
+    MEASUREMENT_COLUMNS,
+    POINT_COLUMNS,
+    Row,
+    Rows,
+    StatedControl,
+    mark_rows,
+    point_rows,
+)
 
-POINT_COLUMNS = ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-MEASUREMENT_COLUMNS = ("name", "photo", "col", "row", "sigma")
+SURVEYED = 5.0
+"""m: standard errors in plan that no survey of points on the ground has; those from maps stay below"""
 DISTANCE_COLUMNS = ("from", "to", "metres", "sigma")
+NOTHING_STATED = StatedControl()
 ROLES = ("control", "check", "tie")
 
 
-def read_control(photos: Photos, points: str, measurements: str, distances: str | None = None, absent: Rule = "skip") -> Control:
+def read_control(
+    photos: Photos,
+    points: str,
+    measurements: str | None,
+    distances: str | None = None,
+    absent: Rule = "skip",
+    stated: StatedControl = NOTHING_STATED,
+) -> Control:
     """Control, check and tie points with their image measurements, and distances between them.
 
-    `points`: CSV text with POINT_COLUMNS (m); `measurements`: CSV text with MEASUREMENT_COLUMNS (px); `distances`: CSV text with
-    DISTANCE_COLUMNS (m). Photographs are named with or without extension; `absent`: whether lines of others are skipped. Raises
-    WorkflowError that lists every mistake in the texts.
+    `points`: CSV text with POINT_COLUMNS (m), or that of another program; `measurements`: CSV text with MEASUREMENT_COLUMNS (px) or
+    of another program, None where the points come with theirs; `distances`: CSV text with DISTANCE_COLUMNS (m). Photographs are
+    named in any case, with or without folder and extension; `absent`: whether lines of others are skipped; `stated`: what the
+    workflow says where files do not. Raises WorkflowError that lists every mistake in the texts.
     """
     # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
-    known = _points(points, mistakes)
+    surveyed, marked = _both(points, measurements, stated, mistakes)
+    # One sentence for a file that is no list of points; its measurements would all be of points that are unknown.
+    if mistakes and not surveyed.rows:
+        raise WorkflowError(first_of(mistakes))
+    known = _points(surveyed, stated, mistakes)
     if not known and not mistakes:
         mistakes.append(
             "The control points file holds no points; fill it in, or say that there is no ground control (control: {kind: none})."
         )
-    return _measured(known, photos, (measurements, distances), absent, mistakes)
+    corner = marked.corner if stated.corner is None else stated.corner
+    control = _measured(known, photos, (_from_centre(marked.rows, corner), distances), absent, mistakes)
+    return control.model_copy(update={"read": _as_read(surveyed, marked, control, corner, (points, measurements or ""))})
+
+
+def _both(points: str, measurements: str | None, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows]:
+    """The rows of points and measurements."""
+    if is_markers_xml(points):
+        surveyed, marked = marker_rows(points, stated, mistakes)
+        return surveyed, marked if measurements is None else mark_rows(measurements, stated, mistakes)
+    surveyed = point_rows(points, stated, mistakes)
+    if measurements is None:
+        mistakes.append("The control points come without measurements in photographs; name their file (control > measurements).")
+        return surveyed, Rows("", ())
+    if is_markers_xml(measurements):
+        return surveyed, marker_rows(measurements, stated, mistakes)[1]
+    return surveyed, mark_rows(measurements, stated, mistakes)
+
+
+def _from_centre(rows: tuple[Row, ...], corner: bool) -> tuple[Row, ...]:
+    """Measurements whose pixels count from the centre of the upper-left one."""
+    if not corner:
+        return rows
+    return tuple((line, row | {name: _less_half(row.get(name, "")) for name in ("col", "row")}) for line, row in rows)
+
+
+def _less_half(cell: str) -> str:
+    value = number_of(cell)
+    return cell if value is None or math.isnan(value) else repr(value - 0.5)
+
+
+def _as_read(surveyed: Rows, marked: Rows, control: Control, corner: bool, texts: tuple[str, str]) -> ControlRead:
+    form = surveyed.format if surveyed.format == marked.format else f"{surveyed.format}, {marked.format}"
+    return ControlRead(
+        format=form,
+        points=len(control.points),
+        measurements=sum(len(point.measurements) for point in control.points),
+        crs=surveyed.crs or "",
+        skipped=surveyed.skipped + marked.skipped,
+        corner=corner,
+        encoding="Windows-1252" if "Windows-1252" in map(encoding_of, texts) else "UTF-8",
+    )
 
 
 def control_at(known: dict[str, ControlPoint], photos: Photos, measurements: str, absent: Rule) -> Control:
     """Control of `known` points, those that the CSV text `measurements` names. Raises WorkflowError as `read_control` does."""
-    named = {row["name"] for _, row in _rows(measurements, MEASUREMENT_COLUMNS, "control measurements", [])}
-    return _measured({name: point for name, point in known.items() if name in named}, photos, (measurements, None), absent, [])
+    rows = mark_rows(measurements, StatedControl(), mistakes := []).rows
+    named = {row["name"] for _, row in rows}
+    return _measured({name: point for name, point in known.items() if name in named}, photos, (rows, None), absent, mistakes)
 
 
 def _measured(
-    known: dict[str, ControlPoint], photos: Photos, texts: tuple[str, str | None], absent: Rule, mistakes: list[str]
+    known: dict[str, ControlPoint], photos: Photos, found: tuple[tuple[Row, ...], str | None], absent: Rule, mistakes: list[str]
 ) -> Control:
-    """The points with the measurements and distances of the CSV `texts`; raises WorkflowError with all `mistakes`."""
-    measurements, distances = texts
+    """The points with the measurements (rows) and distances (CSV text) `found`; raises WorkflowError with all `mistakes`."""
+    measurements, distances = found
     skipped = Skipped(absent)
     measured = _measurements(measurements, known, photos, skipped, mistakes)
     points_of = {name: point.model_copy(update={"measurements": measured[name]}) for name, point in known.items()}
@@ -79,9 +147,16 @@ def no_control() -> Control:
     return Control()
 
 
-def photos_by_word(photos: Photos) -> dict[str, Photo]:
-    """Photographs by the names that files may use: the file name with and without extension."""
-    return {word: photo for photo in photos.photos for word in (PurePosixPath(photo.path).name, photo.name)}
+class PhotosByWord:
+    """Photographs by the names that files may use: in any case, with or without folder and extension."""
+
+    def __init__(self, photos: Photos) -> None:
+        self._names = PhotographNames(photos.names)
+        self._of_name = {photo.name: photo for photo in photos.photos}
+
+    def get(self, word: str) -> Photo | None:
+        """The photograph that a word means."""
+        return self._of_name.get(self._names.find(word) or "")
 
 
 def in_photographs(measurements: dict[str, tuple[float, float, float]], photos: Photos) -> dict[str, tuple[float, float, float]]:
@@ -114,16 +189,23 @@ def _cells(line: str) -> list[str]:
         return []
 
 
+def number_of(cell: str) -> float | None:
+    """The number of a cell with a decimal point; NaN where it says that it is unknown, None where it is none."""
+    return Separation("", ".").number(cell)
+
+
 def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: list[str]) -> tuple[float, ...] | None:
-    """The numbers of a row; None, and a mistake, where one is missing, not finite, or a standard error that is not positive."""
+    """The numbers of a row; None, and a mistake, where one is missing, not finite, or a standard error that is not positive. A
+    height that says that it is unknown is NaN."""
     values = []
     for name in names:
-        try:
-            value = float(row.get(name, ""))
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value) or (name.startswith("sigma") and value <= 0):
-            needed = "a positive number" if name.startswith("sigma") else "a number"
+        value = number_of(row.get(name, ""))
+        unknown = name == "z" and value is not None and math.isnan(value) and row.get(name, "").strip() != ""
+        if unknown:
+            values.append(math.nan)
+            continue
+        if value is None or not math.isfinite(value) or (name.startswith("sigma") and value <= 0):
+            needed = "a positive number" if name.startswith("sigma") else "a number (or NaN)" if name == "z" else "a number"
             mistakes.append(f"{where}: {name} is '{row.get(name, '')[:40]}', which must be {needed}.")
             return None
         if mistake := sigma_mistake(value) if name.startswith("sigma") else coordinate_mistake(value):
@@ -133,10 +215,10 @@ def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: 
     return tuple(values)
 
 
-def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
+def _points(surveyed: Rows, stated: StatedControl, mistakes: list[str]) -> dict[str, ControlPoint]:
     """Points by name, without measurements."""
     known: dict[str, ControlPoint] = {}
-    for line, row in _rows(text, POINT_COLUMNS, "control points", mistakes):
+    for line, row in surveyed.rows:
         where = f"Control points file, line {line}, point {row['name']} "
         if row["name"] in known:
             mistakes.append(f"{where}occurs twice; names must differ.")
@@ -151,19 +233,38 @@ def _points(text: str, mistakes: list[str]) -> dict[str, ControlPoint]:
         values = _numbers(row, POINT_COLUMNS[2:], where.strip(), mistakes)
         if values:
             x, y, z, *sigma = values
-            known[row["name"]] = ControlPoint(
-                name=row["name"], role=row["role"], xyz=(x, y, z), sigma=tuple(sigma), measurements={}
-            )
+            scale = 0.001 if stated.unit == "mm" else 1.0
+            found = (sigma[0] * scale, sigma[1] * scale, sigma[2] * scale)
+            known[row["name"]] = ControlPoint(name=row["name"], role=row["role"], xyz=(x, y, z), sigma=found, measurements={})
+    mistakes += [
+        f"The check point {name} is not in the control points file; its points are {', '.join(list(known)[:8])}."
+        for name in stated.check
+        if name not in known
+    ]
+    if stated.unit is None and not surveyed.unit_stated and (mistake := _millimetres(known)):
+        mistakes.append(mistake)
     return known
 
 
+def _millimetres(known: dict[str, ControlPoint]) -> str | None:
+    """The sentence where the standard errors in plan of most points would be no survey's in metres."""
+    sigma = [point.sigma for point in known.values() if point.role != "tie"]
+    if not sigma or sorted(min(one[:2]) for one in sigma)[len(sigma) // 2] < SURVEYED:
+        return None
+    shown = ", ".join(f"{value:g}" for value in sigma[0])
+    return (
+        f"The control points file gives standard errors of {shown}, which read as metres are those of no survey: are they "
+        "millimetres? State their unit: control: {..., errors_in: mm}, or errors_in: m if they are meant."
+    )
+
+
 def _measurements(
-    text: str, known: dict[str, ControlPoint], photos: Photos, skipped: Skipped, mistakes: list[str]
+    rows: tuple[Row, ...], known: dict[str, ControlPoint], photos: Photos, skipped: Skipped, mistakes: list[str]
 ) -> dict[str, dict[str, tuple[float, float, float]]]:
     """Measurements (col, row, sigma) by point and photograph."""
-    of_name = photos_by_word(photos)
+    of_name = PhotosByWord(photos)
     measured: dict[str, dict[str, tuple[float, float, float]]] = {name: {} for name in known}
-    for line, row in _rows(text, MEASUREMENT_COLUMNS, "control measurements", mistakes):
+    for line, row in rows:
         name, photo = row["name"], of_name.get(row.get("photo", ""))
         where = f"Control measurements file, line {line}, point {name} "
         values = _numbers(row, MEASUREMENT_COLUMNS[2:], where.strip(), mistakes)

@@ -1,38 +1,71 @@
-"""Control in the project's reference system, and a test for wrong systems, which put points on another site.
+"""Control in the project's reference system, and tests for wrong systems, which put points on another site.
 
 Control far from where the photographs were taken is set aside with a finding that says in which system it would fit; positions
-then define the datum.
+then define the datum. Where only the order of the axes is the other one, or coordinates can only be degrees, control is used so.
 """
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsAllZero, HeightsNotTransformed
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.control_findings import (
+    ControlElsewhere,
+    ControlExchanged,
+    ControlFinding,
+    ControlInDegrees,
+    HeightsNotTransformed,
+)
 from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoints
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ANY_CRS, ControlFromGcpList, ControlFromScans
-from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed
+from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList, ControlFromScans
+from orthomill.tasks.geometry.reference_system import in_area_of_use, on_earth
+from orthomill.tasks.geometry.survey_system import fitting_system, middle_degrees, plan_of, survey_crs, transform_surveyed
+from orthomill.tasks.geometry.unfit_maps import refuse_unfit_place
 from orthomill.tasks.orientation.control.absent_photographs import Rule
+from orthomill.tasks.orientation.control.control_datum import datum_apart
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
+from orthomill.tasks.orientation.control.control_heights import about_feet, at_the_heights_of_positions, with_free_heights
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
+from orthomill.tasks.orientation.control.ground_distances import on_the_map
+from orthomill.tasks.orientation.control.point_rows import StatedControl
 from orthomill.tasks.orientation.control.reduced_photographs import read_in_frame
 
 _FAR = 10.0
 """Control is on another site when it is farther from the photographs than this multiple of their extent plus flying height."""
 _LEAST_FAR = 3000.0
 """m: positions from navigation receivers and control of a whole town differ by less; wrong zones and systems by far more"""
-_ENOUGH_HEIGHTS = 3
-"""Points that are all at the height 0 by more than chance"""
+_DEGREES = "EPSG:4326"
 
 
 def control_from_files(
-    photos: Photos, points: str, measurements: str, own: str | None, crs: str, distances: str | None = None, absent: Rule = "skip"
+    photos: Photos,
+    points: str,
+    measurements: str | None,
+    own: str | None,
+    crs: str,
+    distances: str | None = None,
+    absent: Rule = "skip",
+    source: ControlFromFiles | None = None,
 ) -> Control:
-    """Control from CSV texts in the project's system `crs`; `own`: the system of the texts (None: the same); `absent`: whether
-    measurements in photographs that the project does not have are skipped. Raises WorkflowError."""
+    """Control from the texts of files in the project's system `crs`; `own`: the system of the texts (None: what they name, or the
+    project's); `absent`: whether measurements in photographs that the project does not have are skipped; `source`: what the
+    workflow states where the files do not. Raises WorkflowError."""
+    stated = stated_of(source)
     found, photos, of_originals = read_in_frame(
-        photos, lambda frame: read_control(frame, points, measurements, distances, absent), lambda control: control
+        photos, lambda frame: read_control(frame, points, measurements, distances, absent, stated), lambda control: control
     )
-    return _in_project(_with(found, of_originals), photos, own or crs, crs)
+    named = own or (found.read.crs if found.read else "") or None
+    return _in_project(_with(found, of_originals), photos, named, crs)
+
+
+def stated_of(source: ControlFromFiles | None) -> StatedControl:
+    """What the workflow states of files."""
+    if source is None:
+        return StatedControl()
+    corner = None if source.origin is None else source.origin == "corner"
+    return StatedControl(source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.errors_in, corner)
 
 
 def control_from_scans(
@@ -62,61 +95,117 @@ def _with(control: Control, findings: tuple[ControlFinding, ...]) -> Control:
     return control.model_copy(update={"findings": (*control.findings, *findings)})
 
 
-def _in_project(control: Control, photos: Photos, own: str, crs: str) -> Control:
-    """Coordinates in the project's system, measurements in pixels of the photographs. Points on another site become tie points if a
-    distance needs them: lengths are right whatever the system."""
-    placed, findings = _placed(control, photos, own, crs)
+@dataclass(frozen=True)
+class _Placed:
+    """Transformed coordinates of the surveyed points by name, none where they are on another site, the system in which they were
+    read, and what was found."""
+
+    xyz: dict[str, tuple[float, ...]]
+    crs: str
+    findings: tuple[ControlFinding, ...] = ()
+
+
+def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> Control:
+    """Coordinates in the project's system, measurements in pixels of the photographs, distances on its map. Points on another site
+    become tie points if a distance needs them: lengths are right whatever the system."""
+    surveyed = [point for point in control.points if point.role != "tie"]
+    placed = _place(surveyed, photos, own, crs) if surveyed else _Placed({}, own or crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
-    points = (
+    points = tuple(
         point.model_copy(
             update={
-                "xyz": placed.get(point.name, (0.0, 0.0, 0.0)),
-                "role": point.role if point.name in placed else "tie",
+                "xyz": placed.xyz.get(point.name, (0.0, 0.0, 0.0)),
+                "role": point.role if point.name in placed.xyz else "tie",
                 "measurements": in_photographs(point.measurements, photos),
             }
         )
         for point in control.points
-        if point.role == "tie" or point.name in placed or point.name in ends
+        if point.role == "tie" or point.name in placed.xyz or point.name in ends
     )
-    return Control(points=tuple(points), distances=control.distances, findings=(*findings, *control.findings))
+    points, about_heights = with_free_heights(points, photos, crs)
+    read = control.read and control.read.model_copy(update={"crs": placed.crs})
+    return Control(
+        points=points,
+        distances=on_the_map(control.distances, points, photos, crs),
+        findings=(*placed.findings, *about_heights, *control.findings),
+        read=read,
+    )
 
 
-def _placed(
-    control: Control, photos: Photos, own: str, crs: str
-) -> tuple[dict[str, tuple[float, ...]], tuple[ControlFinding, ...]]:
-    """Transformed coordinates of the surveyed points by name, none where they are on another site, and what was found."""
-    surveyed = [point for point in control.points if point.role != "tie"]
-    if not surveyed:
-        return {}, ()
+def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: str) -> _Placed:
+    """Surveyed points in the project's system."""
     given = np.array([point.xyz for point in surveyed])
-    xyz, only = transform_surveyed(given, own, crs)
-    elsewhere = _on_another_site(given, xyz, photos, own, crs)
-    if elsewhere:
-        return {}, (elsewhere,)
-    placed = {point.name: tuple(map(float, place)) for point, place in zip(surveyed, xyz, strict=True)}
-    found: list[ControlFinding] = [HeightsNotTransformed(crs=only)] if only else []
-    if _without_heights(given, crs):
-        found.append(HeightsAllZero(points=len(given)))
-    return placed, tuple(found)
+    degrees = own is None and _are_degrees(given, crs)
+    system = _DEGREES if degrees else own or crs
+    found: list[ControlFinding] = [ControlInDegrees(points=len(given))] if degrees else []
+    if _fits_exchanged(given, system, crs, photos):
+        given = given[:, [1, 0, 2]]
+        found.append(ControlExchanged(points=len(given), crs=system))
+    xyz, only = transform_surveyed(given, system, crs)
+    if elsewhere := _on_another_site(given, xyz, photos, system, crs):
+        return _Placed({}, system, (elsewhere,))
+    if on_earth(crs):
+        refuse_unfit_place(np.median(xyz[:, :2], axis=0), crs)
+    raised = at_the_heights_of_positions(given, xyz, system, crs, photos)
+    found += [raised.finding] if raised.finding else [HeightsNotTransformed(crs=only)] if only else []
+    found += about_feet(raised.xyz, system, photos)
+    if apart := datum_apart(surveyed, given, raised.xyz, photos, system, crs):
+        found.append(apart)
+    placed = {point.name: tuple(map(float, place)) for point, place in zip(surveyed, raised.xyz, strict=True)}
+    return _Placed(placed, system, tuple(found))
 
 
-def _without_heights(given: np.ndarray, crs: str) -> bool:
-    """Whether all points (n, 3) have the height 0, as lists have them that were made from a map."""
-    # A local system may have its origin in the floor on which all targets lie; and two points may well be equally high.
-    return crs != ANY_CRS and len(given) >= _ENOUGH_HEIGHTS and not given[:, 2].any()
+def _are_degrees(given: np.ndarray, crs: str) -> bool:
+    """Whether coordinates without a system can only be degrees; those of a local system may be as small as these."""
+    small = (np.abs(given[:, :2]) <= 180.0).all() and (np.abs(given[:, :2]).max(axis=0) <= 90.0).any()
+    fraction = np.abs(given[:, :2] - np.round(given[:, :2])).max() > 0.0
+    return bool(crs != ANY_CRS and small and fraction)
+
+
+def _site(photos: Photos) -> np.ndarray | None:
+    """Median position (3,) of the photographs; None without positions."""
+    places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
+    # Medians throughout: one position or one point with a mistyped digit must not condemn the system.
+    return np.median(places, axis=0) if len(places) else None
+
+
+def _reach(photos: Photos) -> float:
+    """m: how far control may be from the photographs."""
+    places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
+    reach = float(np.linalg.norm(np.ptp(places[:, :2], axis=0))) + abs(float(np.median(places[:, 2])))
+    return max(_FAR * reach, _LEAST_FAR)
+
+
+def _fits_exchanged(given: np.ndarray, system: str, crs: str, photos: Photos) -> bool:
+    """Whether points are at the photographs with their first two coordinates exchanged, and only so."""
+    site = _site(photos)
+    if site is None:
+        own_place, other_place = (middle_degrees(given[:, order], system) for order in ([0, 1], [1, 0]))
+        return crs != ANY_CRS and not in_area_of_use(own_place, crs) and in_area_of_use(other_place, crs)
+    own, other = (_distance(given[:, order], system, crs, site) for order in ([0, 1, 2], [1, 0, 2]))
+    return other <= _reach(photos) < own
+
+
+def _distance(given: np.ndarray, system: str, crs: str, site: np.ndarray) -> float:
+    """Median distance (m) in plan of points (N, 3) of a system from a site; inf where they have no place in it."""
+    if survey_crs(system).is_geographic and np.abs(given[:, 1]).max() > 90.0:
+        return math.inf
+    flat = np.column_stack([given[:, :2], np.zeros(len(given))])
+    try:
+        xyz, _ = transform_surveyed(flat, plan_of(system), plan_of(crs))
+    except WorkflowError:
+        return math.inf
+    return float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
 
 
 def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: str, crs: str) -> ControlElsewhere | None:
     """The finding where the control is far from the positions of the photographs; None where it is not, or there are no
     positions."""
-    places = np.array([photo.position for photo in photos.photos if photo.position is not None]).reshape(-1, 3)
-    if not len(places):
+    site = _site(photos)
+    if site is None:
         return None
-    # Medians throughout: one position or one point with a mistyped digit must not condemn the system.
-    site = np.median(places, axis=0)
-    reach = float(np.linalg.norm(np.ptp(places[:, :2], axis=0))) + abs(float(np.median(places[:, 2])))
     distance = float(np.median(np.linalg.norm(xyz[:, :2] - site[:2], axis=1)))
-    if distance <= max(_FAR * reach, _LEAST_FAR):
+    if distance <= _reach(photos):
         return None
     # The report names the remedy where one of the usual mistakes explains the distance.
     fits = fitting_system(given, own, crs, site[:2])

@@ -1,19 +1,29 @@
 """Ground control in OpenDroneMap's single file, gcp_list.txt.
 
 The first line names the reference system; every further line is one measurement of a point in one photograph: X Y Z col row
-photograph, and optionally a name. Lines without a name belong to the same point where their coordinates are equal.
-Source: OpenDroneMap's documentation, "Ground Control Points", file format.
-"""
+photograph, and optionally a name. Lines without a name belong to the same point where their coordinates are equal. Blanks, tabs,
+semicolons or commas separate; the name of a photograph may hold blanks, that of a point as well where it is not unique
+without them; a height may be NaN or missing (used in plan only). Source: OpenDroneMap's documentation, "Ground Control Points",
+file format."""
 
+import math
+from collections import defaultdict
 from dataclasses import dataclass
 
 from orthomill.schemas.errors import WorkflowError, first_of
+from orthomill.schemas.findings.control_findings import ControlRead
 from orthomill.schemas.observations import Control, ControlPoint
-from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ControlFromGcpList
+from orthomill.schemas.survey_files.photograph_names import is_image_word
+from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
+from orthomill.schemas.survey_files.text_encoding import encoding_of
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake
 from orthomill.tasks.orientation.control.absent_photographs import Skipped
-from orthomill.tasks.orientation.control.control_files import measurement_mistake, photos_by_word
+from orthomill.tasks.orientation.control.control_files import PhotosByWord, measurement_mistake
+
+_BLANKS = 60
+"""letters of a line that are shown"""
 
 
 @dataclass(frozen=True)
@@ -24,19 +34,38 @@ class GcpList:
     control: Control
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """A line: coordinates (height NaN: unknown), pixel, the word of the photograph, and what follows it; the text of the
+    coordinates names points that have no name."""
+
+    line: int
+    xyz: tuple[float, float, float]
+    col: float
+    row: float
+    photo: str
+    rest: tuple[str, ...]
+    place: str
+
+    @property
+    def name(self) -> str:
+        return self.rest[0] if self.rest else self.place
+
+
 def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpList:
     """Points and measurements. Raises WorkflowError that lists every mistake."""
-    lines = [(n, line.strip()) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
-    lines = [(n, line) for n, line in lines if not line.startswith("#")]
+    lines = lines_of(text, ("#",)).others
     if not lines:
         raise WorkflowError("The GCP list is empty; its first line names the reference system, e.g. EPSG:32634.")
-    mistakes: list[str] = []
+    of_word, skipped = PhotosByWord(photos), Skipped(source.absent)
+    sign = separation([line for _, line in lines[1:]])
+    crs, body = _system(lines, source, of_word)
+    read = [_read(number, line, sign, of_word) for number, line in body]
+    mistakes = [one for one in read if isinstance(one, str)]
     known: dict[str, ControlPoint] = {}
-    of_word, skipped = photos_by_word(photos), Skipped(source.absent)
-    for number, line in lines[1:]:
-        mistake = _add(line, known, of_word, source, skipped)
-        if mistake:
-            mistakes.append(f"GCP list, line {number}: {mistake}")
+    for name, one in _with_names([one for one in read if isinstance(one, _Measured)]):
+        if mistake := _add(name, one, known, of_word, source, skipped):
+            mistakes.append(f"GCP list, line {one.line}: {mistake}")
     mistakes += [
         f"The check point {name} is not in the GCP list; its points are {', '.join(list(known)[:8])}."
         for name in source.check
@@ -48,40 +77,106 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
         raise WorkflowError(first_of(mistakes) or "The GCP list names a reference system, but no point.")
     finding, lost = skipped.finding(known), skipped.lost(known)
     points = tuple(point for name, point in known.items() if name not in lost)
-    return GcpList(source.crs or lines[0][1], Control(points=points, findings=(finding,) if finding else ()))
+    told = ControlRead(
+        format="GCP list of OpenDroneMap",
+        points=len(points),
+        measurements=sum(len(point.measurements) for point in points),
+        crs=crs,
+        corner=source.origin == "corner",
+        encoding=encoding_of(text),
+    )
+    return GcpList(crs, Control(points=points, findings=(finding,) if finding else (), read=told))
+
+
+def _system(
+    lines: tuple[tuple[int, str], ...], source: ControlFromGcpList, photos: PhotosByWord
+) -> tuple[str, tuple[tuple[int, str], ...]]:
+    """The reference system, and the lines of measurements. Raises WorkflowError where a measurement stands in its place."""
+    number, first = lines[0]
+    sign = separation([line for _, line in lines])
+    if isinstance(_read(number, first, sign, photos), _Measured):
+        if source.crs is None:
+            raise WorkflowError(
+                f"The GCP list names no reference system: line {number} is a measurement ('{first.strip()[:_BLANKS]}'). Put it in "
+                "a line before, e.g. EPSG:32634, or state it in the workflow (control > crs)."
+            )
+        return source.crs, lines
+    return source.crs or first.strip(), lines[1:]
+
+
+def _read(number: int, line: str, sign: Separation, photos: PhotosByWord) -> _Measured | str:
+    """One line, or the sentence that says what is wrong with it."""
+    cells = [cell for cell in sign.cells(line) if cell or sign.sign]
+    values: list[float] = []
+    for cell in cells[:5]:
+        if (value := sign.number(cell)) is None or (sign.sign and not cell and len(values) != 2):
+            break
+        values.append(value)
+    # Four numbers before the photograph: the height is left out.
+    if len(values) == 4 and len(cells) > 4 and is_image_word(cells[4]):
+        values.insert(2, math.nan)
+        cells.insert(2, "nan")
+    known = len(values) == 5 and not any(math.isnan(value) for value in (*values[:2], *values[3:]))
+    if not known or len(cells) < 6 or not cells[5]:
+        return (
+            f"GCP list, line {number}: '{line.strip()[:_BLANKS]}' must hold X Y Z col row photograph, and may hold a name; "
+            "blanks, tabs, semicolons or commas between them, and only one sign for decimals."
+        )
+    for label, value in zip(("X", "Y", "Z", "col", "row"), values, strict=True):
+        if not math.isnan(value) and (mistake := coordinate_mistake(value)):
+            return f"GCP list, line {number}: {label} {mistake}."
+    photo, rest = _photo_and_name(cells[5:], photos, bool(sign.sign))
+    x, y, z, col, row = values
+    return _Measured(number, (x, y, z), col, row, photo, rest, f"{cells[0]} {cells[1]} {cells[2]}")
+
+
+def _photo_and_name(words: list[str], photos: PhotosByWord, separated: bool) -> tuple[str, tuple[str, ...]]:
+    """The word of the photograph, which may hold blanks, and the words after it."""
+    if separated:
+        return words[0], tuple(word for word in words[1:] if word)
+    for count in range(1, len(words) + 1):
+        word = " ".join(words[:count])
+        if photos.get(word) is not None or is_image_word(word):
+            return word, tuple(words[count:])
+    return words[0], tuple(words[1:])
+
+
+def _with_names(lines: list[_Measured]) -> list[tuple[str, _Measured]]:
+    """Lines with the names of their points: the first word after the photograph; all of them where the first is not unique, as in
+    "GCP 1" and "GCP 2"."""
+    places: dict[str, set[str]] = defaultdict(set)
+    for one in lines:
+        places[one.name].add(one.place)
+    ambiguous = {name for name, found in places.items() if len(found) > 1}
+    return [(" ".join(one.rest) if one.name in ambiguous and one.rest else one.name, one) for one in lines]
 
 
 def _add(
-    line: str, known: dict[str, ControlPoint], photos: dict[str, Photo], source: ControlFromGcpList, skipped: Skipped
+    name: str, one: _Measured, known: dict[str, ControlPoint], photos: PhotosByWord, source: ControlFromGcpList, skipped: Skipped
 ) -> str | None:
-    """Adds the measurement of one line to the points; what is wrong with the line, as the end of a sentence."""
-    words = line.split()
-    try:
-        x, y, z, col, row = map(float, words[:5])
-        word = words[5]
-    except (ValueError, IndexError):
-        return f"'{line[:60]}' must hold X Y Z col row photograph, and may hold a name."
-    for label, value in zip(("X", "Y", "Z", "col", "row"), (x, y, z, col, row), strict=True):
-        if mistake := coordinate_mistake(value):
-            return f"{label} {mistake}."
-    # Without a name the text of the coordinates is the name.
-    name = words[6] if len(words) > 6 else f"{words[0]} {words[1]} {words[2]}"
+    """Adds a measurement to the points; what is wrong with it, as the end of a sentence."""
     # Programs that count from the corner of a pixel have its centre at (0.5, 0.5).
-    col, row = (col - 0.5, row - 0.5) if source.origin == "corner" else (col, row)
-    point = known.setdefault(name, _new_point(name, (x, y, z), source))
-    if point.xyz != (x, y, z):
+    col, row = (one.col - 0.5, one.row - 0.5) if source.origin == "corner" else (one.col, one.row)
+    point = known.setdefault(name, _new_point(name, one.xyz, source))
+    if not _same(point.xyz, one.xyz):
+        x, y, z = one.xyz
         return (
             f"point {name} has the coordinates {x:g} {y:g} {z:g}, but others in an earlier line; names must differ or coordinates "
             "agree."
         )
-    photo = photos.get(word)
-    if photo is None and skipped.takes(name, word):
+    photo = photos.get(one.photo)
+    if photo is None and skipped.takes(name, one.photo):
         return None
-    mistake = measurement_mistake(name, word, photo, (col, row), {name: point.measurements})
+    mistake = measurement_mistake(name, one.photo, photo, (col, row), {name: point.measurements})
     if mistake or not photo:
         return f"point {name} {mistake}"
     known[name] = point.model_copy(update={"measurements": {**point.measurements, photo.name: (col, row, source.sigma_px)}})
     return None
+
+
+def _same(first: tuple[float, float, float], second: tuple[float, float, float]) -> bool:
+    """Whether coordinates are equal; unknown heights are."""
+    return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(first, second, strict=True))
 
 
 def _new_point(name: str, xyz: tuple[float, float, float], source: ControlFromGcpList) -> ControlPoint:

@@ -3,9 +3,17 @@
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.control_findings import (
     ControlElsewhere,
+    ControlExchanged,
     ControlFinding,
+    ControlInDegrees,
+    ControlRead,
+    DatumApart,
     HeightsAllZero,
+    HeightsInFeet,
+    HeightsOfTwoSystems,
+    HeightsUnknown,
     MeasurementsOfOriginals,
+    MeasurementsReduced,
     PhotographsAbsent,
 )
 
@@ -22,10 +30,29 @@ def control_sentence(finding: ControlFinding) -> str:
     if isinstance(finding, PhotographsAbsent):
         return _about_absent(finding)
     if isinstance(finding, HeightsAllZero):
+        return _about_zero(finding)
+    if isinstance(finding, HeightsUnknown | HeightsInFeet | HeightsOfTwoSystems):
+        return height_sentence(finding)
+    if isinstance(finding, MeasurementsReduced):
         return (
-            f"All {finding.points} surveyed points have the height 0. Unless they lie at sea level, their heights are missing, and "
-            "the block is tilted and put to heights that are not its own. Give them, or state a standard error of the heights (100 "
-            "m) that says that they are unknown."
+            f"{finding.outside} of {finding.measurements} control measurements lie outside of the photographs, but all inside, "
+            f"some near the border, when they are divided by {finding.factor:.4g}: they were read as pixels of photographs that "
+            "were reduced by this factor since. Compare one with its photograph."
+        )
+    if isinstance(finding, ControlExchanged):
+        return (
+            f"The northing (or latitude) of the {finding.points} surveyed points comes first in their file: they were read so, "
+            f"because only then are they where the photographs were taken, in {finding.crs}."
+        )
+    if isinstance(finding, ControlInDegrees):
+        return (
+            f"The coordinates of the {finding.points} surveyed points are degrees, and were read as longitude and latitude "
+            "(EPSG:4326); name the system if it is another (control > crs)."
+        )
+    if isinstance(finding, DatumApart):
+        return (
+            f"The surveyed points, read as {finding.crs}, lie {finding.distance_m:.0f} m beside the photographs that show them; in "
+            f"{finding.fits} they would lie amid them. If that is what they were surveyed in, state it (control > crs)."
         )
     if isinstance(finding, MeasurementsOfOriginals):
         (width, height), (now_width, now_height) = finding.original, finding.reduced
@@ -37,11 +64,69 @@ def control_sentence(finding: ControlFinding) -> str:
     return f"Heights of control points were not transformed: only {finding.crs} defines a vertical datum."
 
 
+def control_read_sentence(read: ControlRead) -> str:
+    """Which format the control has, how much of it there is, and what was assumed."""
+    said = [f"Control: {read.format}, {read.points} points, {read.measurements} measurements, in {read.crs[:60]}."]
+    if read.skipped:
+        said.append(f"{read.skipped} points without coordinates were skipped.")
+    if read.corner:
+        said.append("Its pixels count from the corner of the upper-left one: half a pixel was taken off.")
+    if read.encoding == "Windows-1252":
+        said.append("It is not in UTF-8 and was read as Windows-1252; check names with letters beyond A to Z.")
+    return " ".join(said)
+
+
 def is_grave(finding: ControlFinding) -> bool:
     """Whether the block lacks what its user relies on; measurements of points that others measure as well are no such loss."""
-    if isinstance(finding, MeasurementsOfOriginals):
+    if isinstance(finding, MeasurementsOfOriginals | MeasurementsReduced | ControlExchanged | ControlInDegrees):
         return False
+    if isinstance(finding, HeightsInFeet):
+        return not finding.converted
+    if isinstance(finding, HeightsOfTwoSystems):
+        return finding.shift_m is None
+    if isinstance(finding, HeightsUnknown):
+        return bool(finding.left_out)
     return not isinstance(finding, PhotographsAbsent) or bool(finding.lost)
+
+
+def _about_zero(finding: HeightsAllZero) -> str:
+    if finding.freed:
+        return (
+            f"All {finding.points} surveyed points have the height 0, which was taken as unknown: they hold the block in plan, the "
+            "positions of the photographs hold it in height. Give their heights; points at sea level get them as 0.001."
+        )
+    return (
+        f"All {finding.points} surveyed points have the height 0. Unless they lie at sea level, their heights are missing, and "
+        "the block is tilted and put to heights that are not its own. Give them, or NaN where they are unknown."
+    )
+
+
+def height_sentence(finding: HeightsUnknown | HeightsInFeet | HeightsOfTwoSystems) -> str:
+    """What was found about heights of surveyed points."""
+    if isinstance(finding, HeightsUnknown):
+        why = "have the height 0 among others that are far from it" if finding.zero else "have no height"
+        lost = f" {some_of(finding.left_out)}, as check points, were left out." if finding.left_out else ""
+        return f"Surveyed points that {why} are used in plan only: {some_of(finding.points)}.{lost}"
+    if isinstance(finding, HeightsInFeet) and finding.converted:
+        return (
+            f"{finding.crs} is in feet, and the heights of the surveyed points were taken as feet, too ({finding.unit_m:.7f} m). "
+            "If they are metres, name a system with a vertical part in metres (control > crs), as EPSG:26849+5703."
+        )
+    if isinstance(finding, HeightsInFeet):
+        return (
+            "The surveyed points lie above all cameras as metres, and below them as feet: their heights seem to be in feet. "
+            "Convert them, or name a system with a vertical part in feet (control > crs), as EPSG:26915+6360."
+        )
+    if finding.shift_m is None:
+        return (
+            f"Heights of control are {finding.control}, those of the positions are above {finding.positions}: they differ by tens "
+            f"of metres and could not be brought together. State crs: {finding.crs} and install the grid that PROJ asks for, or "
+            "give both in one system."
+        )
+    return (
+        f"Heights of control ({finding.control}) were raised by {finding.shift_m:.2f} m to those of the positions, above "
+        f"{finding.positions}, which are the heights of all products. For heights of the control state crs: {finding.crs}."
+    )
 
 
 def _about_absent(finding: PhotographsAbsent) -> str:

@@ -5,11 +5,18 @@ import pytest
 from simulated_block import DRONE, looking, photo_of
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.control_findings import ControlElsewhere, HeightsAllZero, HeightsNotTransformed
+from orthomill.schemas.findings.control_findings import (
+    ControlElsewhere,
+    ControlExchanged,
+    HeightsAllZero,
+    HeightsNotTransformed,
+    HeightsUnknown,
+)
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS, ControlFromGcpList
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.control.control_files import read_control
+from orthomill.tasks.orientation.control.control_heights import FREE
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
@@ -43,9 +50,11 @@ def test_the_distance_is_that_of_the_median_point():
     assert finding.fits is None and not finding.exchanged
 
 
-def test_exchanged_coordinates_fit_the_same_system():
-    (finding,) = control(PLACE[1], PLACE[0]).findings
-    assert finding.fits == CRS and finding.exchanged
+def test_exchanged_coordinates_are_read_as_such_and_said():
+    found = control(PLACE[1] + 3.0, PLACE[0] + 1.0)
+    assert found.points[0].xyz == (PLACE[0] + 1.0, PLACE[1] + 3.0, 100.0)
+    assert found.findings == (ControlExchanged(points=1, crs=CRS),)
+    assert "northing (or latitude) of the 1 surveyed points comes first" in control_sentence(found.findings[0])
 
 
 def test_heights_of_a_system_with_a_vertical_datum_are_reported():
@@ -53,11 +62,17 @@ def test_heights_of_a_system_with_a_vertical_datum_are_reported():
     assert found.findings == (HeightsNotTransformed(crs="EPSG:32634+5773"),) and found.points[0].xyz[2] == 100.0
 
 
-def control_of(heights, crs=CRS):
+def control_of(heights, crs=CRS, positions=True):
     names = "PQR"[: len(heights)]
-    lines = "".join(f"{names[i]},control,{PLACE[0] + i},{PLACE[1]},{z},0.1,0.1,0.2\n" for i, z in enumerate(heights))
+    place = PLACE if crs != ANY_CRS else np.zeros(3)
+    lines = "".join(f"{names[i]},control,{place[0] + i},{place[1]},{z},0.1,0.1,0.2\n" for i, z in enumerate(heights))
     seen = "".join(f"{name},{photo},10,20,0.5\n" for name in names for photo in "ab")
-    return control_from_files(PHOTOS, HEADER + lines, "name,photo,col,row,sigma\n" + seen, None, crs)
+    photos = PHOTOS if positions and crs != ANY_CRS else unplaced()
+    return control_from_files(photos, HEADER + lines, "name,photo,col,row,sigma\n" + seen, None, crs)
+
+
+def unplaced():
+    return Photos(photos=tuple(photo.model_copy(update={"position": None}) for photo in PHOTOS.photos))
 
 
 @pytest.mark.parametrize(
@@ -66,10 +81,24 @@ def control_of(heights, crs=CRS):
 )
 def test_heights_that_are_all_0_are_said(heights, crs, said):
     """A local system may have its floor at 0, and two points may well be equally high."""
-    found = control_of(heights, crs).findings
-    assert found == ((HeightsAllZero(points=3),) if said else ())
+    found = control_of(heights, crs)
+    assert found.findings == ((HeightsAllZero(points=3, freed=True),) if said else ())
+    assert [point.sigma[2] for point in found.points] == [FREE if said else 0.2] * len(heights)
     if said:
-        assert "All 3 surveyed points have the height 0." in control_sentence(found[0]) and is_grave(found[0])
+        assert "the height 0, which was taken as unknown" in control_sentence(found.findings[0]) and is_grave(found.findings[0])
+
+
+def test_heights_that_are_all_0_are_kept_where_nothing_else_holds_the_block():
+    found = control_of((0, 0, 0), positions=False)
+    assert found.findings == (HeightsAllZero(points=3),) and found.points[0].sigma[2] == 0.2
+    assert "All 3 surveyed points have the height 0. Unless" in control_sentence(found.findings[0])
+
+
+def test_one_height_of_0_among_others_is_none():
+    found = control_of((160.2, 0, 171.9))
+    assert found.findings == (HeightsUnknown(points=("Q",), zero=True),)
+    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == FREE
+    assert control_of((4.2, 0, -1.9)).findings == (), "near the sea a point may well be at 0"
 
 
 ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)

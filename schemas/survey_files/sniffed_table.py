@@ -1,0 +1,91 @@
+"""A text as a table: which sign separates its cells, whether decimals have a comma, and which of its lines hold data.
+
+Spreadsheets of one country write semicolons and decimal commas, others commas and points, and programs blanks or tabs: the lines
+tell which.
+"""
+
+import csv
+import math
+import re
+from dataclasses import dataclass
+
+_SHARE = 0.6
+"""of the lines must hold a sign that separates cells: titles and comments do not"""
+_LOOKED_AT = 200
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
+_POINT_NUMBER = re.compile(r"[+-]?\d+\.\d+")
+# Not `float` alone, which takes "1_000", "infinity" and digits of other scripts.
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+UNKNOWN = frozenset({"", "nan", "n/a", "na", "none", "null", "-", "--", "?"})
+"""cells that say that a number is not known"""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of data: its number in the file, and its cells."""
+
+    number: int
+    cells: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What separates cells ("" for blanks), and the sign before decimals."""
+
+    sign: str
+    decimal: str
+
+    def cells(self, line: str) -> tuple[str, ...]:
+        """The cells of one line; a quote that is not closed ends with its line, so that it spoils no other."""
+        if not self.sign:
+            return tuple(line.split())
+        try:
+            return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=self.sign, skipinitialspace=True)))
+        except (csv.Error, StopIteration):  # a cell of more than 128 KiB
+            return ()
+
+    def number(self, cell: str) -> float | None:
+        """The number of a cell: None where it is none, NaN where it says that it is not known."""
+        own = cell.strip()
+        if own.lower() in UNKNOWN:
+            return math.nan
+        own = own.replace(",", ".") if self.decimal == "," else own
+        return float(own) if _NUMBER.fullmatch(own) else None
+
+
+def separation(lines: list[str]) -> Separation:
+    """What separates the cells of lines."""
+    seen = [line for line in lines[:_LOOKED_AT] if line.strip()]
+    for sign in ("\t", ";"):
+        if _share(seen, sign) >= _SHARE:
+            return Separation(sign, _decimal(cell for line in seen for cell in line.split(sign)))
+    words = [word for line in seen for word in line.split()]
+    commas = sum(bool(_COMMA_NUMBER.fullmatch(word)) for word in words)
+    # Three numbers with commas to a line, between blanks: with commas as separators they would be glued to their neighbours.
+    if seen and commas >= 3 * _SHARE * len(seen) and not any(word.count(",") > 1 for word in words):
+        return Separation("", ",")
+    return Separation("," if _share(seen, ",") >= _SHARE else "", ".")
+
+
+def _share(lines: list[str], sign: str) -> float:
+    return sum(sign in line for line in lines) / len(lines) if lines else 0.0
+
+
+def _decimal(cells) -> str:  # type: ignore[no-untyped-def]
+    found = [bool(_COMMA_NUMBER.fullmatch(cell.strip())) - bool(_POINT_NUMBER.fullmatch(cell.strip())) for cell in cells]
+    return "," if sum(found) > 0 else "."
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The lines of a text that hold something: `(number, line)` of comments (with #, % or //) and of the others."""
+
+    comments: tuple[tuple[int, str], ...]
+    others: tuple[tuple[int, str], ...]
+
+
+def lines_of(text: str, marks: tuple[str, ...] = ("#", "%", "//")) -> Lines:
+    """The lines of a text, without blank ones."""
+    found = [(n, line.strip("\r\n")) for n, line in enumerate(text.lstrip("\ufeff").splitlines(), 1) if line.strip()]
+    comments = tuple((n, line) for n, line in found if line.lstrip().startswith(marks))
+    return Lines(comments, tuple((n, line) for n, line in found if not line.lstrip().startswith(marks)))

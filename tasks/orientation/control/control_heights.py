@@ -1,0 +1,126 @@
+"""Heights of control: unknown ones, those in feet, and those that refer to another surface than the positions.
+
+A point without a height holds the block in plan only: its height gets a standard error beside which nothing else counts.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.findings.control_findings import (
+    ControlFinding,
+    HeightsAllZero,
+    HeightsInFeet,
+    HeightsOfTwoSystems,
+    HeightsUnknown,
+)
+from orthomill.schemas.observations import ControlPoint
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.project import ANY_CRS
+from orthomill.tasks.geometry.survey_system import ellipsoidal, height_unit, survey_crs, transform_surveyed, vertical_name
+
+FREE = 300.0
+"""m: standard error of a height that is unknown; its pull on the block stays below a hundredth of that of any receiver"""
+_ENOUGH_HEIGHTS = 3
+"""Points that are all at the height 0 by more than chance"""
+_HIGH = 20.0
+"""m: where all other points are higher than this (or lower than its negative), one at exactly 0 has no height"""
+_FOOT = 0.3048
+_ABOVE = 1.5
+"""times as high as the highest camera: where control of a flight lies so high, its heights are in feet"""
+
+
+def with_free_heights(
+    points: tuple[ControlPoint, ...], photos: Photos, crs: str
+) -> tuple[tuple[ControlPoint, ...], tuple[ControlFinding, ...]]:
+    """Surveyed points whose heights are unknown, with a standard error that says so, and what was found."""
+    surveyed = [point for point in points if point.role != "tie"]
+    missing = {point.name for point in surveyed if math.isnan(point.xyz[2])}
+    known = [point for point in surveyed if point.name not in missing]
+    zero = {point.name for point in known if point.xyz[2] == 0.0}
+    placed = [photo.position[2] for photo in photos.photos if photo.position is not None]
+    found: list[ControlFinding] = []
+    # A local system may have its origin in the floor on which all targets lie; and two points may well be equally high.
+    if crs != ANY_CRS and len(zero) == len(known) >= _ENOUGH_HEIGHTS:
+        # Without positions these heights are the only ones that hold the block.
+        found.append(HeightsAllZero(points=len(zero), freed=bool(placed)))
+        missing |= zero if placed else set()
+    elif zero and crs != ANY_CRS and _all_high([point.xyz[2] for point in known if point.name not in zero]):
+        found.append(HeightsUnknown(points=tuple(sorted(zero)), zero=True, left_out=_checks(known, zero)))
+        missing |= zero
+    if nan := {point.name for point in surveyed if math.isnan(point.xyz[2])}:
+        found.append(HeightsUnknown(points=tuple(p.name for p in surveyed if p.name in nan), left_out=_checks(surveyed, nan)))
+    if not missing:
+        return points, tuple(found)
+    heights = [point.xyz[2] for point in known if point.name not in missing] or placed or [0.0]
+    stand_in = float(np.median(heights))
+    # A check point without a height would be compared with nothing.
+    kept = (point for point in points if not (point.name in missing and point.role == "check"))
+    return tuple(_free(point, stand_in) if point.name in missing else point for point in kept), tuple(found)
+
+
+def _all_high(heights: list[float]) -> bool:
+    return len(heights) >= 2 and (min(heights) > _HIGH or max(heights) < -_HIGH)
+
+
+def _checks(points: list[ControlPoint], names: set[str]) -> tuple[str, ...]:
+    return tuple(point.name for point in points if point.name in names and point.role == "check")
+
+
+def _free(point: ControlPoint, height: float) -> ControlPoint:
+    (x, y, _), (sx, sy, _) = point.xyz, point.sigma
+    return point.model_copy(update={"xyz": (x, y, height), "sigma": (sx, sy, FREE)})
+
+
+def about_feet(xyz: np.ndarray, system: str, photos: Photos) -> list[ControlFinding]:
+    """Whether heights of points (N, 3) were converted from feet, as the plan of their system is in feet, or look like feet: above
+    all cameras, and below them if they were."""
+    unit = height_unit(system)
+    if abs(unit - 1.0) > 1e-6:
+        return [] if survey_crs(system).is_compound else [HeightsInFeet(crs=system, unit_m=unit, converted=True)]
+    cameras = [photo.position[2] for photo in photos.photos if photo.position is not None]
+    heights = xyz[np.isfinite(xyz[:, 2]), 2]
+    if not cameras or not len(heights) or min(cameras) <= 0.0:
+        return []
+    middle = float(np.median(heights))
+    if middle > _ABOVE * max(cameras) and _FOOT * middle < min(cameras):
+        return [HeightsInFeet(crs=system, unit_m=_FOOT, converted=False)]
+    return []
+
+
+class Raised(NamedTuple):
+    """Points (N, 3) with heights that refer to the surface of those of the positions, and what was found (None: nothing)."""
+
+    xyz: np.ndarray
+    finding: HeightsOfTwoSystems | None
+
+
+def at_the_heights_of_positions(given: np.ndarray, xyz: np.ndarray, system: str, crs: str, photos: Photos) -> Raised:
+    """Points `xyz` in the project's system, from `given` ones in their own, with heights brought to those of the positions where
+    the project has no vertical datum but both of them have one."""
+    own, kinds = vertical_name(system), {photo.height_kind for photo in photos.photos if photo.position is not None}
+    if vertical_name(crs) is not None or own is None or len(kinds) != 1 or crs == ANY_CRS:
+        return Raised(xyz, None)
+    (kind,) = kinds
+    above_ellipsoid = own.startswith("ellipsoid")
+    if kind not in ("ellipsoidal", "sea_level") or (kind == "ellipsoidal") == above_ellipsoid:
+        return Raised(xyz, None)
+    positions = "the ellipsoid" if kind == "ellipsoidal" else "the sea"
+    told = HeightsOfTwoSystems(control=own, positions=positions, shift_m=None, crs=_with_vertical(crs, system))
+    if above_ellipsoid:
+        return Raised(xyz, told)
+    try:
+        raised, _ = transform_surveyed(given, system, ellipsoidal(crs))
+    except WorkflowError:
+        return Raised(xyz, told)
+    shift = float(np.nanmedian(raised[:, 2] - xyz[:, 2]))
+    return Raised(np.column_stack([xyz[:, :2], raised[:, 2]]), told.model_copy(update={"shift_m": round(shift, 3)}))
+
+
+def _with_vertical(crs: str, system: str) -> str:
+    """The project's system with the vertical part of another."""
+    known = survey_crs(system)
+    code = known.sub_crs_list[1].to_epsg() if known.is_compound else None
+    return f"{crs}+{code}" if code else f"{crs}+..."

@@ -1,0 +1,69 @@
+"""What the positions were read from, in words."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
+from orthomill.schemas.photo import Photos
+
+_TOLD_BY = {
+    "workflow": "as the workflow states",
+    "file": "as the file states",
+    "degrees": "told by the numbers, which are degrees",
+    "project": "that of the project, as nothing states another",
+}
+
+
+def position_sentences(photos: Photos) -> Iterator[str]:
+    """What a reader must know of the positions: the file and what was assumed of it, and what heights refer to."""
+    if photos.positions_read:
+        yield read_sentence(photos.positions_read)
+    if photos.heights and (sentence := heights_sentence(photos.heights)):
+        yield sentence
+
+
+def read_sentence(read: PositionsRead) -> str:
+    """The format, the system and the assumptions of a positions file, in one sentence for each."""
+    lines = "1 position" if read.positions == 1 else f"{read.positions} positions"
+    return " ".join([f"Positions: {read.format}, {lines}, {read.used} used, in {read.crs} ({_TOLD_BY[read.by]}).", *_more(read)])
+
+
+def _more(read: PositionsRead) -> Iterator[str]:
+    if read.matched != "name":
+        how = "by the numbers in the names" if read.matched == "number" else "in their order"
+        shown = {"times": "; the times of exposure agree", "places": "; the places in the GPS tags agree"}
+        yield f"Exposures were assigned to photographs {how}{shown.get(read.confirmed or '', ', which nothing confirms')}."
+    if read.exchanged:
+        yield "The northing (or latitude) comes first in it: only so are the photographs where they were taken."
+    if read.defaults:
+        yield (
+            f"It states no standard errors: {read.defaults[0]:g} m in plan and {read.defaults[1]:g} m in height were taken "
+            "(positions > sigma_plan, sigma_height)."
+        )
+    if read.raised:
+        yield f"{read.raised} of them are no fixed solutions, and have the standard errors that such solutions deserve."
+    if read.without:
+        yield f"{read.without} lines hold no position and were skipped."
+    if read.angles:
+        yield f"Its angles ({read.angles}) are taken as approximate attitudes."
+    if read.antenna:
+        yield "They are positions of the antenna: give its offset from the camera as lever_arm, or have it estimated."
+    if read.encoding == "Windows-1252":
+        yield "It is not in UTF-8 and was read as Windows-1252; check names with letters beyond A to Z."
+
+
+def heights_sentence(heights: HeightsOfPositions) -> str | None:
+    """What the heights of the positions refer to; None where nothing is known and nothing asked."""
+    if heights.transformed and heights.system != heights.target:
+        rest = f"; of {heights.unknown} others nothing tells what they refer to, and they keep their values" * bool(heights.unknown)
+        return f"Heights of positions were transformed from {heights.system} to {heights.target}{rest}."
+    if heights.target and heights.unknown:
+        return (
+            f"Nothing tells what the heights of {heights.unknown} positions refer to: they were taken as {heights.target}, which "
+            "may be wrong by tens of metres. Say it: positions > crs, e.g. EPSG:4979 for heights above the ellipsoid."
+        )
+    if heights.system and not heights.target:
+        return (
+            f"Heights are those of the positions, {heights.system}: the crs of the project has no vertical part. For heights above "
+            "the sea add one, e.g. crs: EPSG:32634+5773."
+        )
+    return None
