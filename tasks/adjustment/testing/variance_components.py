@@ -28,7 +28,8 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     square, redundancy = _image_share(result, ties)
     # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
-    shares = (_image_share(result, pointings), _position_share(result), _control_share(result), _distance_share(result))
+    own = result.as_computed
+    shares = (_image_share(result, pointings), _position_share(own), _control_share(own), _distance_share(own))
     rest = [enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
     # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
     new = Factors(max(image, 1e-6), *rest)
