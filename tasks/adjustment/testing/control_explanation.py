@@ -68,7 +68,7 @@ def control_equations(residual: np.ndarray, covariance: np.ndarray, used: np.nda
 
 def explained(equations: ControlEquations, most: int) -> Explanation:
     """The most probable explanation with no more than `most` wrong points."""
-    best, now = [_judged(equations, np.zeros(equations.points, bool))], None
+    best = [_judged(equations, np.zeros(equations.points, bool))]
     for _ in range(most):
         now = _with_one_more(equations, best[-1])
         if now is None:
@@ -78,7 +78,7 @@ def explained(equations: ControlEquations, most: int) -> Explanation:
     for one in sorted(best, key=lambda each: -each.evidence):
         if _is_clear(equations, one):
             return Explanation(one.factor, one.wrong)
-    raise AssertionError("the hypothesis without wrong points is always clear")
+    raise ArithmeticError("no hypothesis about the control is clear, not even that without wrong points; please report it")
 
 
 class _Judged(NamedTuple):

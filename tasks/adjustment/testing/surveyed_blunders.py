@@ -35,12 +35,14 @@ class Misfits(NamedTuple):
     dof: np.ndarray
 
 
-def surveyed_blunder(result: Adjustment, limit: float, by_group: bool = True) -> Blunder | None:
-    """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single number);
-    `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
+def surveyed_blunder(
+    result: Adjustment, limit: float, by_group: bool = True, kinds: tuple[SurveyedKind, ...] = tuple(SurveyedKind)
+) -> Blunder | None:
+    """The position, surveyed point or distance (of these `kinds`) that contradicts the rest most, beyond `limit` standard errors (of
+    a single number); `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
     found = [
         blunder
-        for kind in SurveyedKind
+        for kind in kinds
         for blunder in _beyond(kind, _misfits(result, kind), limit, by_group)
         if kind != SurveyedKind.CONTROL or not _pointing_is_worse(result, blunder)
     ]
@@ -181,6 +183,17 @@ def misfit_square(
     along = testable.T @ (root * residual)
     spread = np.diag(redundancy[tested]) + testable.T @ (root[:, None] * added * root) @ testable
     return float(along @ np.linalg.solve(spread, along)), int(tested.sum())
+
+
+def pointing_is_wrong(result: Adjustment) -> np.ndarray:
+    """(N,) bool: surveyed points whose contradiction one of their image measurements explains better than their coordinates."""
+    number, square, _ = _misfits(result, SurveyedKind.CONTROL)
+    wrong = np.zeros(len(result.network.point), bool)
+    wrong[number] = [
+        _pointing_is_worse(result, Blunder(SurveyedKind.CONTROL, int(i), float(np.sqrt(s))))
+        for i, s in zip(number, square, strict=True)
+    ]
+    return wrong
 
 
 def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:
