@@ -31,6 +31,8 @@ CLEAR = 2.0
 """Logarithm of the ratio by which a hypothesis must be more probable than one with another point in place of one of its own."""
 SINGULAR = 1e-12
 """Smallest relative eigenvalue of the normal matrix of points that the rest of the block determines"""
+ROUNDING = 1e-9
+"""Smaller eigenvalues, in units of the largest, are zero: nothing but the control determines these combinations of coordinates."""
 SPHERE = (np.nan, 2.0, 2.0 * np.pi, 4.0 * np.pi)
 """Surface of the unit sphere by the number of known coordinates"""
 
@@ -150,9 +152,10 @@ def _evidences(equations: ControlEquations, wrong: np.ndarray) -> np.ndarray:
     reduced, rest = N[np.ix_(~out, ~out)] - cross.T @ inverse @ cross, right[~out] - cross.T @ inverse @ right[out]
     root = np.sqrt(W)
     eigen, axes = np.linalg.eigh(reduced / np.outer(root, root))
-    # Of a block without positions seven are zero but for rounding.
-    spread = np.maximum(eigen, 0.0) * FACTORS[:, None] ** 2 + 1.0
-    along = axes.T @ (rest / root)
+    # Of a block without positions seven are zero but for rounding, which large factors would multiply.
+    known = eigen > ROUNDING * eigen.max(initial=0.0)
+    spread = np.where(known, eigen, 0.0) * FACTORS[:, None] ** 2 + 1.0
+    along = np.where(known, axes.T @ (rest / root), 0.0)
     square = -right[out] @ inverse @ right[out] - (along**2 * FACTORS[:, None] ** 2 / spread).sum(axis=1)
     likelihood = -0.5 * (square + np.log(spread).sum(axis=1) + len(W) * np.log(2.0 * np.pi))
     likelihood -= 0.5 * (np.log(values).sum() + 2.0 * np.log(scale).sum())

@@ -38,8 +38,8 @@ class Misfits(NamedTuple):
 def surveyed_blunder(
     result: Adjustment, limit: float, by_group: bool = True, kinds: tuple[SurveyedKind, ...] = tuple(SurveyedKind)
 ) -> Blunder | None:
-    """The position, surveyed point or distance (of these `kinds`) that contradicts the rest most, beyond `limit` standard errors (of
-    a single number); `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
+    """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single number),
+    among these `kinds`; `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
     found = [
         blunder
         for kind in kinds
@@ -189,10 +189,8 @@ def pointing_is_wrong(result: Adjustment) -> np.ndarray:
     """(N,) bool: surveyed points whose contradiction one of their image measurements explains better than their coordinates."""
     number, square, _ = _misfits(result, SurveyedKind.CONTROL)
     wrong = np.zeros(len(result.network.point), bool)
-    wrong[number] = [
-        _pointing_is_worse(result, Blunder(SurveyedKind.CONTROL, int(i), float(np.sqrt(s))))
-        for i, s in zip(number, square, strict=True)
-    ]
+    suspects = [Blunder(SurveyedKind.CONTROL, int(i), float(s)) for i, s in zip(number, np.sqrt(square), strict=True)]
+    wrong[number] = [_pointing_is_worse(result, suspect) for suspect in suspects]
     return wrong
 
 

@@ -37,7 +37,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
         2 * int(ties.sum()),
         2 * int(pointings.sum()),
         _known(result.network.centre_weight),
-        _known(result.network.point_weight),
+        _known(_seen_control(result)),
         _known(result.network.distances.weight),
     )
     parts = (redundancy, *(share[1] for share in shares))
@@ -93,10 +93,18 @@ def _position_share(result: Adjustment) -> tuple[float, float]:
 
 def _control_share(result: Adjustment) -> tuple[float, float]:
     """Weighted square sum and redundancy of the coordinates of the control points."""
-    weight = result.network.point_weight
+    weight = _seen_control(result)
     variance = np.diagonal(result.point_covariance, axis1=1, axis2=2)
     square = (weight * (result.network.point - result.state.point) ** 2).sum()
     return float(square), float((1.0 - weight * variance)[weight > 0].sum())
+
+
+def _seen_control(result: Adjustment) -> np.ndarray:
+    """(N, 3) the weights of the control; 0 for points without rays, whose coordinates nothing checks and which check nothing."""
+    network = result.network
+    seen = np.bincount(result.rays.point[result.used], minlength=len(network.point)) > 0
+    seen[network.kept] = True
+    return np.where(seen[:, None], network.point_weight, 0.0)
 
 
 def _distance_share(result: Adjustment) -> tuple[float, float]:

@@ -83,7 +83,7 @@ def test_positions_that_a_nominal_camera_explains_are_no_blunders():
     wrong = replace(network, interior=replace(network.interior, value=values))
     assert surveyed_blunder(solved(wrong, replace(state, interior=values), rays), 4.0) is None
     centre = network.centre.copy()
-    centre[2] += [0.0, 1.0, 0.0]
+    centre[2] += [3.0, 0.0, 0.0]
     found = surveyed_blunder(solved(replace(network, centre=centre), state, rays), 4.0)
     assert found is not None and found.number == 2
 
