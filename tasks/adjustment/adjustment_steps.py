@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
+from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_explained_control
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
-from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, has_weight, without
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, has_weight, without
 from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
@@ -32,14 +33,24 @@ def plain_solution(now: Progress) -> Progress:
 
 
 def without_surveyed_blunder(now: Progress) -> Progress:
-    """Rejects the surveyed observation that contradicts the rest most, if any does."""
-    found = surveyed_blunder(now.solution, now.test.limit)
-    if found is None:
-        now, found = _examined(now, surveyed_blunder(now.solution, now.test.limit, by_group=False))
-    if found is None:
-        return now
-    now = now.without(found)
-    return replace(now, used=enough_rays(now.network, now.rays, now.used))
+    """Rejects the surveyed observation that contradicts the rest most, if any does; contradicting control is explained as a whole,
+    by blunders or by the standard errors of all of it."""
+    now, found = _worst(now, tuple(SurveyedKind))
+    if found is not None and found.kind == SurveyedKind.CONTROL and is_group(now):
+        now = with_explained_control(now)
+        # What explains the control may leave it as it is: others can be wrong beside it.
+        now, found = (now, None) if now.changed else _worst(now, OTHERS)
+    if found is not None:
+        now = now.without(found)
+    return replace(now, used=enough_rays(now.network, now.rays, now.used)) if now.changed else now
+
+
+def _worst(now: Progress, kinds: tuple[SurveyedKind, ...]) -> tuple[Progress, Blunder | None]:
+    """The observation of these `kinds` that contradicts the rest most, examined where only its stated standard error says so."""
+    found = surveyed_blunder(now.solution, now.test.limit, kinds=kinds)
+    if found is not None:
+        return now, found
+    return _examined(now, surveyed_blunder(now.solution, now.test.limit, by_group=False, kinds=kinds))
 
 
 def _examined(now: Progress, suspect: Blunder | None) -> tuple[Progress, Blunder | None]:

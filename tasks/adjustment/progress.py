@@ -30,7 +30,8 @@ class Progress:
 
     Given once: the network `first`, its `rays` with stated standard errors, the limits of the `test`. So far: the `network` with
     stated weights, 0 for the `blunders`; the `state` of the unknowns; the `used` rays (M,) bool; the `factors` of the standard
-    errors; `confirmed`: surveyed observations that were suspected, but agree with the solution without them; whether blunders were
+    errors; `confirmed`: surveyed observations that were suspected, but agree with the solution without them; `explained`: how many
+    control points took part when it was last decided what explains their contradictions (0: never); whether blunders were
     `reinstated`; `iterations` and `rounds`. `result` belongs to the last plain solution, `estimated` and `groups` are its variance
     components; it is out of date where weights or observations have `changed` since.
     """
@@ -44,6 +45,7 @@ class Progress:
     blunders: tuple[Blunder, ...] = ()
     factors: Factors = AS_STATED
     confirmed: frozenset[tuple[SurveyedKind, int]] = frozenset()
+    explained: int = 0
     reinstated: bool = False
     iterations: int = 0
     rounds: int = 0

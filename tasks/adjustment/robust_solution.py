@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_loose_control
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import spread
@@ -17,7 +18,7 @@ from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.adjustment_result import surveyed
 from orthomill.tasks.adjustment.testing.distance_agreement import agreement
-from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, surveyed_factors
+from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, pointing_spread, surveyed_factors
 
 # The unit changes as the block improves: the first two solutions need no sharp end.
 TOLERANCES = (1e-2, 1e-2, 1e-3)
@@ -44,16 +45,25 @@ def _huber_solution(now: Progress, tolerance: float) -> tuple[Progress, Rays]:
 
 def _without_gross_surveyed(now: Progress, scaled: Rays) -> Progress:
     """The solution without gross blunders among the surveyed observations, the worst removed first."""
-    while (found := gross_blunder(now.network, now.state, scaled, now.test.gross_surveyed)) is not None:
-        now = now.without(found)
-        state, steps = minimise(now.network, now.state, scaled, now.test.huber, TOLERANCES[-1])
+    while (found := _gross_blunder(now, scaled)) is not None:
+        if found.kind == SurveyedKind.CONTROL and is_group(now):
+            now = with_loose_control(now, scaled, TOLERANCES[-1])
+        else:
+            now = now.without(found)
+        state, steps = minimise(now.weighted_network, now.state, scaled, now.test.huber, TOLERANCES[-1])
         now = replace(now, state=state, iterations=now.iterations + steps)
     return now
 
 
+def _gross_blunder(now: Progress, scaled: Rays) -> Blunder | None:
+    """The worst gross blunder; control that was explained once keeps what explains it."""
+    kinds = OTHERS if now.explained else tuple(SurveyedKind)
+    return gross_blunder(now.weighted_network, now.state, scaled, now.test.gross_surveyed, kinds)
+
+
 def _without_gross_rays(now: Progress) -> Progress:
     """The same solution; rays with gross residuals, and points that have too few rays without them, are not used."""
-    unit = _units(now.network, now.state, now.rays, now.used, least=1e-3)
+    unit = _units(now.weighted_network, now.state, now.rays, now.used, least=1e-3)
     good = residual_lengths(now.network, now.state, now.rays) < now.test.gross * unit
     return replace(now, used=enough_rays(now.network, now.rays, now.used & good))
 
@@ -64,6 +74,8 @@ def _with_usual_factors(now: Progress, scaled: Rays) -> Progress:
     Control that is stated to centimetres but good to metres would bend the block in the first solution without Huber's weights.
     """
     surveyed_ones = surveyed_factors(now.network, now.state, scaled, now.test.gross_surveyed)
+    if now.explained:
+        surveyed_ones = replace(surveyed_ones, control=now.factors.control)
     unit, by_person = _units(now.network, now.state, now.rays, now.used, least=0.1), surveyed(now.network, now.rays)
     image, pointing = (float(unit[own].max(initial=0.0)) or 1.0 for own in (~by_person, by_person))
     return replace(now, factors=replace(surveyed_ones, image=image, pointing=pointing))
@@ -100,5 +112,8 @@ def _units(network: Network, state: State, rays: Rays, used: np.ndarray, least: 
     size, by_person = residual_lengths(network, state, rays), surveyed(network, rays)
     ties, pointings = size[used & ~by_person], size[used & by_person]
     tie_unit = max(spread(ties), least) if len(ties) else 1.0
+    # Coordinates that are wrong pull their rays, of which their own intersections know nothing; without any, nothing else is known.
+    alone = pointing_spread(network, state, rays.take(used)) if len(pointings) else 1.0
+    pointing_unit = alone if np.isfinite(alone) else spread(pointings)
     # Pointings are few: by chance they may agree much better than stated, and the next one would be rejected for that.
-    return np.where(by_person, max(spread(pointings), 1.0) if len(pointings) else 1.0, tie_unit)
+    return np.where(by_person, max(pointing_unit, 1.0), tie_unit)

@@ -1,6 +1,6 @@
 """The result of an adjustment: the solution, its tests, and its precision."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -33,6 +33,8 @@ class Factors:
     distance: float = 1.0
 
 
+ROUNDING = 1e-2
+"""Share of its count by which rounding may take the redundancy of a group out of its bounds."""
 AS_STATED = Factors()
 """All standard errors are right."""
 
@@ -46,6 +48,14 @@ class Group:
     count: int
     redundancy: float
     factor: float
+
+    def __post_init__(self) -> None:
+        # A projection: no data can make these numbers others, only a covariance that is not that of the adjustment.
+        if not -ROUNDING * self.count <= self.redundancy <= (1.0 + ROUNDING) * self.count:
+            raise ArithmeticError(
+                f"The redundancy of the {self.count} numbers of the group {self.name} came out as {self.redundancy:.1f}: an error "
+                "of the program, not of the data; please report it."
+            )
 
 
 @dataclass(frozen=True)
@@ -61,6 +71,14 @@ class CorrelatedErrors:
 
 
 @dataclass(frozen=True, eq=False)
+class Covariances:
+    """The covariance of the unknowns of the reduced system, and that of the points (N, 3, 3) m^2."""
+
+    cofactor: Covariance
+    point: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Adjustment:
     """The adjusted block.
 
@@ -69,6 +87,7 @@ class Adjustment:
     unknowns of the reduced system, `point_covariance` (N, 3, 3) m^2. `factors` and `groups` compare the residuals with the stated
     standard errors. `network` holds the weights of the final solution: 0 for the `blunders`. `correlated`: the correlated image
     errors that the covariances include, None for white noise; `before`: the result whose covariances do not include them.
+    `computed`: the covariances without the uncertainty of parameters that are only considered; None: the same.
     """
 
     state: State
@@ -87,11 +106,20 @@ class Adjustment:
     iterations: int = 0
     correlated: CorrelatedErrors | None = None
     before: "Adjustment | None" = None
+    computed: Covariances | None = None
 
     @property
     def white(self) -> "Adjustment":
         """The result with the covariances of white noise, on which the weights of the adjustment are based."""
         return self.before or self
+
+    @property
+    def as_computed(self) -> "Adjustment":
+        """The result with the covariances that its own weights and unknowns yield: only of these are redundancy numbers made."""
+        white = self.white
+        if white.computed is None:
+            return white
+        return replace(white, cofactor=white.computed.cofactor, point_covariance=white.computed.point, computed=None)
 
     @property
     def sigma0_px(self) -> float:

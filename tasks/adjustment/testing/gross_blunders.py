@@ -12,6 +12,7 @@ from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.datum import prior_sizes
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
+from orthomill.tasks.adjustment.model.robust_weights import spread
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision_alone
 from orthomill.tasks.adjustment.testing.adjustment_result import Factors
@@ -20,6 +21,8 @@ from orthomill.tasks.adjustment.testing.surveyed_blunders import usual_misfit, w
 # Gauss-Newton on three unknowns per point, from a robust solution; each step squares the error.
 STEPS = 6
 """Steps of the intersection of the rays of a point."""
+LEAST_CHECKS = 4
+"""Redundancy of all intersections from which their residuals tell the standard error of a pointing."""
 CONTRADICTED = 2.0
 """The usual misfit of a group that is larger, in stated standard errors, contradicts these: the median of four or more is not twice
 as large by chance."""
@@ -35,8 +38,10 @@ class Intersections:
     good: np.ndarray
 
 
-def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> Blunder | None:
-    """The surveyed observation with the largest misfit beyond `limit` standard errors; None where there is none.
+def gross_blunder(
+    network: Network, state: State, rays: Rays, limit: float, kinds: tuple[SurveyedKind, ...] = tuple(SurveyedKind)
+) -> Blunder | None:
+    """The surveyed observation of these `kinds` with the largest misfit beyond `limit` standard errors; None where there is none.
 
     A surveyed point whose rays do not intersect has a wrong pointing, which the test of the rays finds.
     """
@@ -44,7 +49,31 @@ def gross_blunder(network: Network, state: State, rays: Rays, limit: float) -> B
     points = _intersections(network, state, rays, limit)
     found = _beyond(SurveyedKind.POSITION, centres, prior_sizes(network, state).centre[centres], limit)
     found += _beyond(SurveyedKind.CONTROL, *_control_misfits(network, points), limit)
-    return worst_of(network, found + _beyond(SurveyedKind.DISTANCE, *_distance_misfits(network, points), limit))
+    found += _beyond(SurveyedKind.DISTANCE, *_distance_misfits(network, points), limit)
+    return worst_of(network, [one for one in found if one.kind in kinds])
+
+
+def control_misfits(network: Network, state: State, rays: Rays, limit: float) -> np.ndarray:
+    """(N,) distances of the surveyed points from the intersections of their rays, in standard errors; NaN where no coordinates are
+    given or the rays do not intersect within `limit` standard errors."""
+    number, size = _control_misfits(network, _intersections(network, state, rays, limit))
+    misfit = np.full(len(network.point), np.nan)
+    misfit[number] = size
+    return misfit
+
+
+def pointing_spread(network: Network, state: State, rays: Rays) -> float:
+    """Standard error of a pointing in units of the stated ones, from how the rays of each point miss their own intersection; NaN
+    for too few rays.
+
+    Coordinates that are wrong, or worse than stated, do not enter it.
+    """
+    alone = _alone(network, state, rays)
+    count = np.bincount(alone.rays.point, minlength=len(network.point))
+    # Of the 2 m coordinates of m rays the point takes three: residuals are smaller than errors by the root of what is left.
+    left = np.sqrt(1.0 - 1.5 / count[alone.rays.point])
+    enough = (2 * count - 3)[count >= 2].sum() >= LEAST_CHECKS
+    return spread(alone.size / left) if enough else np.nan
 
 
 def surveyed_factors(network: Network, state: State, rays: Rays, limit: float) -> Factors:
@@ -67,7 +96,18 @@ def _beyond(kind: SurveyedKind, number: np.ndarray, size: np.ndarray, limit: flo
     return [Blunder(kind, int(i), float(s)) for i, s in zip(number, size, strict=True) if s > limit * unit]
 
 
-def _intersections(network: Network, state: State, rays: Rays, limit: float) -> Intersections:
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """Points that a person measured, intersected from the `rays` of those that have two or more: the network without anything else
+    that is known of them, the state, and (m,) the lengths of the residuals in standard errors."""
+
+    network: Network
+    state: State
+    rays: Rays
+    size: np.ndarray
+
+
+def _alone(network: Network, state: State, rays: Rays) -> _Alone:
     rays = rays.take(network.pointed[rays.point])
     count = np.bincount(rays.point, minlength=len(network.point))
     rays = rays.take(count[rays.point] >= 2)
@@ -76,11 +116,16 @@ def _intersections(network: Network, state: State, rays: Rays, limit: float) -> 
     fixed = np.zeros(bare.unknowns)
     for _ in range(STEPS):
         state = replace(state, point=state.point + point_corrections(linearised(bare, state, rays), fixed))
-    covariance = point_precision_alone(linearised(bare, state, rays), bare.group_start)
+    return _Alone(bare, state, rays, residual_lengths(bare, state, rays))
+
+
+def _intersections(network: Network, state: State, rays: Rays, limit: float) -> Intersections:
+    alone = _alone(network, state, rays)
+    covariance = point_precision_alone(linearised(alone.network, alone.state, alone.rays), alone.network.group_start)
     worst = np.zeros(len(network.point))
-    np.maximum.at(worst, rays.point, residual_lengths(bare, state, rays))
+    np.maximum.at(worst, alone.rays.point, alone.size)
     # A point without rays has a worst residual of exactly 0.
-    return Intersections(state.point, covariance, (count >= 2) & (worst < limit) & (worst > 0.0))
+    return Intersections(alone.state.point, covariance, (worst < limit) & (worst > 0.0))
 
 
 def _control_misfits(network: Network, points: Intersections) -> tuple[np.ndarray, np.ndarray]:

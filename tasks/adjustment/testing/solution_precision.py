@@ -6,7 +6,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Factors
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Covariances, Factors
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
 
 # A ray that alone determines something has a redundancy number of 0 and a residual of 0: their quotient has to stay a number.
@@ -23,8 +23,10 @@ def precise_solution(network: Network, state: State, rays: Rays, used: np.ndarra
     linear = linearised(network, state, taken)
     cofactor = covariance_of(network, state, linear)
     points, adjusted = points_and_rays(network, linear, cofactor)
+    computed = None
     if network.considered_columns.any():
         # The redundancy numbers are those of the adjustment as computed; the covariance is that of what it does not know, too.
+        computed = Covariances(cofactor, points)
         cofactor = with_considered(network, linear, cofactor)
         points, _ = points_and_rays(network, linear, cofactor)
     numbers, standardised = np.full((len(rays), 2), np.nan), np.full((len(rays), 2), np.nan)
@@ -32,7 +34,8 @@ def precise_solution(network: Network, state: State, rays: Rays, used: np.ndarra
     residual = residuals(state, rays, network.camera_of)
     standardised[used] = residual[used] / (taken.sigma[:, None] * np.sqrt(numbers[used]))
     redundancy = _redundancy(network, taken)
-    return Adjustment(state, network, rays, used, residual, numbers, standardised, cofactor, points, redundancy, factors)
+    tests = (residual, numbers, standardised)
+    return Adjustment(state, network, rays, used, *tests, cofactor, points, redundancy, factors, computed=computed)
 
 
 def _redundancy(network: Network, rays: Rays) -> int:

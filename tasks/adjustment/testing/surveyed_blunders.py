@@ -35,12 +35,14 @@ class Misfits(NamedTuple):
     dof: np.ndarray
 
 
-def surveyed_blunder(result: Adjustment, limit: float, by_group: bool = True) -> Blunder | None:
-    """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single number);
-    `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
+def surveyed_blunder(
+    result: Adjustment, limit: float, by_group: bool = True, kinds: tuple[SurveyedKind, ...] = tuple(SurveyedKind)
+) -> Blunder | None:
+    """The position, surveyed point or distance that contradicts the rest most, beyond `limit` standard errors (of a single number),
+    among these `kinds`; `by_group`: in units of the usual misfit of its group, which a blunder also enlarges."""
     found = [
         blunder
-        for kind in SurveyedKind
+        for kind in kinds
         for blunder in _beyond(kind, _misfits(result, kind), limit, by_group)
         if kind != SurveyedKind.CONTROL or not _pointing_is_worse(result, blunder)
     ]
@@ -133,8 +135,12 @@ def _control_misfits(result: Adjustment) -> Misfits:
     network = result.network
     seen = np.bincount(result.rays.point[result.used], minlength=len(network.point)) > 0
     number = np.flatnonzero(network.point_weight.any(axis=1) & seen)
+    computed = result.as_computed.point_covariance
     rows = [
-        misfit_square(network.point_weight[i], network.point[i] - result.state.point[i], result.point_covariance[i]) for i in number
+        misfit_square(
+            network.point_weight[i], network.point[i] - result.state.point[i], computed[i], result.point_covariance[i] - computed[i]
+        )
+        for i in number
     ]
     return _table(number, rows)
 
@@ -142,16 +148,19 @@ def _control_misfits(result: Adjustment) -> Misfits:
 def _position_misfits(result: Adjustment) -> Misfits:
     network, residual = result.network, position_residuals(result.network, result.state)
     number = np.flatnonzero(network.centre_weight.any(axis=1))
-    covariance = position_covariances(result, number)
-    rows = [misfit_square(network.centre_weight[i], residual[i], own) for i, own in zip(number, covariance, strict=True)]
+    computed = position_covariances(result.as_computed, number)
+    added = position_covariances(result, number) - computed
+    rows = [misfit_square(network.centre_weight[i], residual[i], *own) for i, *own in zip(number, computed, added, strict=True)]
     return _table(number, rows)
 
 
 def _distance_misfits(result: Adjustment) -> Misfits:
     weight, residual = result.network.distances.weight, distance_residuals(result.network, result.state)
-    redundancy = 1.0 - weight * distance_variances(result)
+    variance = distance_variances(result.as_computed)
+    redundancy = 1.0 - weight * variance
     tested = (weight > 0) & (redundancy > CHECKABLE)
-    square = weight * residual**2 / np.maximum(redundancy, CHECKABLE)
+    added = weight * (distance_variances(result) - variance)
+    square = weight * residual**2 / np.maximum(redundancy + added, CHECKABLE)
     return Misfits(np.flatnonzero(tested), square[tested], np.ones(int(tested.sum()), int))
 
 
@@ -160,15 +169,29 @@ def _table(number: np.ndarray, rows: list[tuple[float, int]]) -> Misfits:
     return Misfits(number, table[:, 0], table[:, 1].astype(int))
 
 
-def misfit_square(weight: np.ndarray, residual: np.ndarray, covariance: np.ndarray) -> tuple[float, int]:
-    """v' Q_vv^-1 v over the testable combinations of coordinates, and their number."""
+def misfit_square(
+    weight: np.ndarray, residual: np.ndarray, covariance: np.ndarray, added: np.ndarray | float = 0.0
+) -> tuple[float, int]:
+    """v' Q_vv^-1 v over the testable combinations of coordinates, and their number; `added` (3, 3) m^2: what considered parameters
+    add to the `covariance` (3, 3) that the adjustment yields."""
     root = np.sqrt(weight)
     # Q_vv of weighted residuals is I - P^1/2 Q P^1/2; its eigenvalues are the redundancy numbers of its eigenvectors. A coordinate
     # that the datum depends on has one near 0, and its residual says nothing.
     redundancy, direction = np.linalg.eigh(np.diag((weight > 0).astype(float)) - root[:, None] * covariance * root)
     tested = redundancy > CHECKABLE
-    along = direction.T @ (root * residual)
-    return float((along[tested] ** 2 / redundancy[tested]).sum()), int(tested.sum())
+    testable = direction[:, tested]
+    along = testable.T @ (root * residual)
+    spread = np.diag(redundancy[tested]) + testable.T @ (root[:, None] * added * root) @ testable
+    return float(along @ np.linalg.solve(spread, along)), int(tested.sum())
+
+
+def pointing_is_wrong(result: Adjustment) -> np.ndarray:
+    """(N,) bool: surveyed points whose contradiction one of their image measurements explains better than their coordinates."""
+    number, square, _ = _misfits(result, SurveyedKind.CONTROL)
+    wrong = np.zeros(len(result.network.point), bool)
+    suspects = [Blunder(SurveyedKind.CONTROL, int(i), float(s)) for i, s in zip(number, np.sqrt(square), strict=True)]
+    wrong[number] = [_pointing_is_worse(result, suspect) for suspect in suspects]
+    return wrong
 
 
 def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:

@@ -29,7 +29,8 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     square, redundancy = _image_share(result, ties)
     # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
-    shares = (_image_share(result, pointings), _position_share(result), _control_share(result), _distance_share(result))
+    own = result.as_computed
+    shares = (_image_share(result, pointings), _position_share(own), _control_share(own), _distance_share(own))
     rest = [enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
     # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
     new = Factors(max(image, 1e-6), *rest)
@@ -37,7 +38,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
         2 * int(ties.sum()),
         2 * int(pointings.sum()),
         _known(result.network.centre_weight),
-        _known(result.network.point_weight),
+        _known(_seen_control(result)),
         _known(result.network.distances.weight),
     )
     parts = (redundancy, *(share[1] for share in shares))
@@ -96,10 +97,18 @@ def _position_share(result: Adjustment) -> tuple[float, float]:
 
 def _control_share(result: Adjustment) -> tuple[float, float]:
     """Weighted square sum and redundancy of the coordinates of the control points."""
-    weight = result.network.point_weight
+    weight = _seen_control(result)
     variance = np.diagonal(result.point_covariance, axis1=1, axis2=2)
     square = (weight * (result.network.point - result.state.point) ** 2).sum()
     return float(square), float((1.0 - weight * variance)[weight > 0].sum())
+
+
+def _seen_control(result: Adjustment) -> np.ndarray:
+    """(N, 3) the weights of the control; 0 for points without rays, whose coordinates nothing checks and which check nothing."""
+    network = result.network
+    seen = np.bincount(result.rays.point[result.used], minlength=len(network.point)) > 0
+    seen[network.kept] = True
+    return np.where(seen[:, None], network.point_weight, 0.0)
 
 
 def _distance_share(result: Adjustment) -> tuple[float, float]:

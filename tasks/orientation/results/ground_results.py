@@ -26,6 +26,7 @@ def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals
 def control_rows(results: BlockResults) -> list[GroundResidual]:
     """Control points, also those that took no part."""
     problem, result, known, rows = results.problem, results.result, results.problem.known, []
+    computed = result.as_computed
     for i, point in enumerate(problem.surveyed):
         number, weight = problem.ties + i, result.network.point_weight[problem.ties + i]
         own = result.used & (result.rays.point == number)
@@ -34,7 +35,7 @@ def control_rows(results: BlockResults) -> list[GroundResidual]:
         if point.role != "control" or not (took_part or own.any()):
             continue
         difference = result.state.point[number] + results.datum.origin - known.control[i]
-        spread, white = (np.diag(r.point_covariance[number]) for r in (result, result.white))
+        spread, white = (np.diag(r.point_covariance[number]) for r in (result, computed))
         variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
         rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
     return rows
@@ -47,7 +48,7 @@ def position_rows(results: BlockResults) -> list[GroundResidual]:
     # What a receiver measured: the centre, moved by the lever arm (image system, so R^T) and by the common shift.
     antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + results.datum.origin
     number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
-    spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.white))
+    spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.as_computed))
     for i, spread, white in zip(number, *spreads, strict=True):
         weight = network.centre_weight[i]
         variance = _of_residual(weight, spread, white) if weight.all() else problem.known.position_sigma[i] ** 2 + spread
@@ -77,7 +78,7 @@ def distance_rows(results: BlockResults) -> list[DistanceResidual]:
     """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = results.result.network, results.result.state, results.problem
     residual, rows = distance_residuals(network, state), []
-    spread, white = (distance_variances(r) for r in (results.result, results.result.white))
+    spread, white = (distance_variances(r) for r in (results.result, results.result.as_computed))
     for i, ((first, second), stated) in enumerate(zip(*stated_distances(results), strict=True)):
         weight = network.distances.weight[i]
         variance = _of_residual(weight, spread[i], white[i]) if weight > 0 else stated**2 + spread[i]
@@ -105,7 +106,8 @@ def stated_distances(results: BlockResults) -> tuple[list[list[int]], np.ndarray
 
 def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> np.ndarray:
     """Variances of the residuals of observations that took part: Qvv = Qll - A Qxx A^T holds for the weights of the adjustment,
-    that is for white noise; the effect of correlated image errors comes on top."""
+    that is for white noise and considered parameters as they are; the effect of correlated image errors and of what these
+    parameters may be wrong by comes on top."""
     return 1.0 / weight - white + (spread - white)
 
 

@@ -1,0 +1,67 @@
+"""Control that contradicts a block: single points are rejected, or the standard errors of all of them enlarged.
+
+Both steps compare what can explain the contradiction (testing/control_explanation.py): on the robust solution, for which the
+control is loosened first so that it neither bends the block nor drags its rays, and on a plain one.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from orthomill.tasks.adjustment.model.network import Network, Rays
+from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
+from orthomill.tasks.adjustment.progress import Progress
+from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.testing.control_explanation import MOST, explained
+from orthomill.tasks.adjustment.testing.control_in_block import as_weighted, control_in_block
+from orthomill.tasks.adjustment.testing.gross_blunders import control_misfits
+from orthomill.tasks.adjustment.testing.surveyed_blunders import pointing_is_wrong
+
+FEWEST = 3
+"""Control points that show anything about each other; of fewer, each is compared with the positions alone."""
+OTHERS = (SurveyedKind.POSITION, SurveyedKind.DISTANCE)
+"""Kinds of observations that are no control"""
+
+
+def is_group(now: Progress) -> bool:
+    """Whether the control points are enough to be judged together."""
+    return _count(now.first) >= FEWEST
+
+
+def with_loose_control(now: Progress, scaled: Rays, gain: float) -> Progress:
+    """The robust solution with explained control; `scaled`: the rays in the unit of their group's residuals, `gain` as in
+    `minimise`."""
+    misfit = control_misfits(now.network, now.state, scaled, now.test.gross_surveyed)
+    # So loose that no point exceeds its standard errors, and none has Huber's weights: the solution is linear in the coordinates.
+    loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
+    state, steps = minimise(loose.weighted_network, now.state, scaled, now.test.huber, gain)
+    weighted, rays = as_weighted(loose.weighted_network, state, scaled, now.test.huber)
+    # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates.
+    stated = np.where(np.isfinite(misfit)[:, None], now.network.point_weight, 0.0)
+    return _explained(replace(now, state=state, iterations=now.iterations + steps), weighted, rays, stated)
+
+
+def with_explained_control(now: Progress) -> Progress:
+    """The plain solution with explained control; the same one where the control was explained before."""
+    if _count(now.network) == now.explained:
+        return now
+    stated = np.where(pointing_is_wrong(now.solution)[:, None], 0.0, now.network.point_weight)
+    return _explained(now, now.weighted_network, now.weighted_rays.take(now.used), stated)
+
+
+def _explained(now: Progress, weighted: Network, rays: Rays, stated: np.ndarray) -> Progress:
+    number, equations = control_in_block(weighted, now.state, rays, stated)
+    rejected = sum(blunder.kind == SurveyedKind.CONTROL for blunder in now.blunders)
+    found = explained(equations, _count(now.first) // MOST - rejected)
+    now = replace(now, explained=_count(now.network) - int(found.wrong.sum()))
+    if found.factor != now.factors.control:
+        now = replace(now, factors=replace(now.factors, control=found.factor), changed=True)
+    size = np.sqrt((weighted.point_weight * (weighted.point - now.state.point) ** 2).sum(axis=1))
+    for i in number[found.wrong]:
+        now = now.without(Blunder(SurveyedKind.CONTROL, int(i), float(size[i])))
+    return now
+
+
+def _count(network: Network) -> int:
+    """The number of control points that take part."""
+    return int(network.point_weight.any(axis=1).sum())
