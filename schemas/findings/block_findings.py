@@ -98,6 +98,8 @@ class BlockBent(_Finding):
     """it is more than models of lenses leave"""
     sure: bool = True
     """it cannot be the receiver: attitudes show it, too, or positions scatter so little about it"""
+    in_metres: bool = True
+    """false: in the units of a block without a datum"""
 
 
 class LooksUpward(_Finding):

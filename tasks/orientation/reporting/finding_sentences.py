@@ -124,9 +124,15 @@ def block_bent(finding: BlockBent) -> str:
     if finding.scatter_m is not None:
         how.append(f"against the positions of its photographs, which scatter by only {_rounded(finding.scatter_m)} m about that")
     if finding.views_deg is not None:
-        how.append(f"against their attitudes, from which the directions of view diverge by {abs(finding.views_deg):.1f} degrees")
-    size, pixels = f"{_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m", f"{finding.pixels:.0f} pixels on the ground"
-    what = f"The block bends by {size} ({pixels}, a {'dome' if finding.bend_m < 0 else 'bowl'}) {', and '.join(how)}"
+        how.append(
+            f"against the attitudes of its photographs, from which the directions of view diverge by {abs(finding.views_deg):.1f} degrees"
+        )
+    size, shape = f"{finding.pixels:.0f} pixels on the ground", "dome" if finding.bend_m < 0 else "bowl"
+    if finding.in_metres:
+        size = f"{_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m ({size}, a {shape})"
+    else:
+        size = f"{size} (a {shape})"
+    what = f"The block bends by {size} {', and '.join(how)}"
     if not finding.grave:
         return f"{what}: about what a model of the lens leaves."
     cause = (

@@ -12,6 +12,8 @@ from orthomill.tasks.orientation.shape.view_trend import ViewTrend, view_trend
 
 LEAST_DEGREES = 1.0
 """A smaller divergence of views is what gimbals may drift by."""
+VIEWS_DIVERGE = 4.0
+"""Standard errors by which views diverge: errors of a gimbal scatter, so that chance exceeds it once in ten thousand blocks."""
 CERTAIN = 10.0
 """Standard errors of a bend against positions from which on it is none of the receiver: the height of a barometer errs by half a
 metre wherever a drone brakes at the end of a strip, and looks like a bend of all strips."""
@@ -20,13 +22,10 @@ BENT_PIXELS = 5.0
 
 
 def bent_block(results: BlockResults) -> Iterator[BlockBent]:
-    """Whether heights bend over the block, by its positions, or its photographs turn with it, by their attitudes; nothing for a
-    free block, which has neither."""
-    if results.datum.free:
-        return
+    """Whether heights bend over the block, by its positions, or its photographs turn with it, by their attitudes."""
     heights, views = _heights(results), _views(results)
     by_heights = heights is not None and heights.is_bent
-    by_views = views is not None and abs(views.ratio) > SIGNIFICANT and abs(views.degrees) > LEAST_DEGREES
+    by_views = views is not None and abs(views.ratio) > VIEWS_DIVERGE and abs(views.degrees) > LEAST_DEGREES
     if not (by_heights or by_views):
         return
     bend = heights.bend if by_heights and heights else views.bend if views else 0.0
@@ -39,11 +38,14 @@ def bent_block(results: BlockResults) -> Iterator[BlockBent]:
         views_deg=views.degrees if by_views and views else None,
         grave=abs(bend) > BENT_PIXELS * pixel,
         sure=by_views or (heights is not None and abs(heights.ratio) > CERTAIN),
+        in_metres=not results.datum.free,
     )
 
 
 def _heights(results: BlockResults) -> Trend | None:
-    """The trend of block minus given heights of the antennas."""
+    """The trend of block minus given heights of the antennas; None for a free block, which has none."""
+    if results.datum.free:
+        return None
     known = results.problem.known
     has = known.positioned
     given = known.position[has] - results.datum.origin

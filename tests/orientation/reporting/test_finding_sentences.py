@@ -41,6 +41,10 @@ SPOKEN = [
         ["scatter by only 0.14 m", "the camera is wrong, or heights of a barometer"],
     ),
     (
+        f.BlockBent(bend_m=1.2, extent_m=90.0, pixels=31.0, scatter_m=None, views_deg=2.0, grave=True, in_metres=False),
+        ["The block bends by 31 pixels on the ground (a bowl) against the attitudes"],
+    ),
+    (
         f.BlockBent(bend_m=0.074, extent_m=47.0, pixels=3.1, scatter_m=None, views_deg=1.1, grave=False),
         ["bends by 0.074 m", "a bowl", "about what a model of the lens leaves"],
     ),
