@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
-from orthomill.schemas.photo import Photo, tag_text
+from orthomill.schemas.photo import FactoryCamera, Photo, tag_text
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.makers import maker_text
 
@@ -42,8 +42,8 @@ def band_of(tags: Mapping[str, str]) -> str | None:
 
 
 def with_calibrations(photos: list[Photo]) -> list[Photo]:
-    """Photographs whose cameras are told apart by the calibrations in their tags, where these differ and no serial number says it."""
-    found = defaultdict(dict)
+    """Photographs whose cameras are told apart by the calibrations in their tags, where these differ and no serial number does."""
+    found: defaultdict[str, dict[FactoryCamera, int]] = defaultdict(dict)
     for photo in photos:
         if photo.factory and photo.factory.kind == "calibrated":
             found[photo.camera].setdefault(photo.factory, len(found[photo.camera]) + 1)
@@ -57,7 +57,7 @@ def with_calibrations(photos: list[Photo]) -> list[Photo]:
 
 def with_serials(photos: list[Photo]) -> list[Photo]:
     """Photographs whose cameras have their serial numbers in their names, where two of one name have different ones."""
-    serials = defaultdict(set)
+    serials: defaultdict[str, set[str | None]] = defaultdict(set)
     for photo in photos:
         serials[photo.camera].add(photo.serial)
     several = {camera for camera, own in serials.items() if len(own - {None}) > 1}
@@ -87,7 +87,7 @@ def shared_equivalents(photos: list[Photo]) -> list[Photo]:
     Phones include the zoom in the tag, drones do not: where another photograph of the lens with another zoom has the same
     equivalent, it is not included.
     """
-    zooms = defaultdict(set)
+    zooms: defaultdict[tuple[float | None, float | None, int, int], set[float]] = defaultdict(set)
     for photo in photos:
         zooms[_lens(photo)].add(photo.zoom)
     return [
