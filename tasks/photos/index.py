@@ -28,11 +28,11 @@ from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, 
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
-from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped
+from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped, written_width
 from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
 from orthomill.tasks.photos.tags.flights import with_flights
 from orthomill.tasks.photos.tags.heights import height_of, with_one_sign
-from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_serials, zoom_of
+from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_calibrations, with_serials, zoom_of
 from orthomill.tasks.photos.tags.places import place_of
 from orthomill.tasks.photos.tags.remarks import tag_remarks
 
@@ -132,7 +132,7 @@ def _written(header: Header) -> tuple[float, float] | None:
 
 def _frame(header: Header) -> PictureFrame:
     written = _written(header)
-    return PictureFrame(header.width, header.height, written[0] if written else header.width)
+    return PictureFrame(header.width, header.height, written[0] if written else written_width(header.tags, header.width))
 
 
 def index_photos(
@@ -155,7 +155,7 @@ def index_photos(
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
     refuse_ambiguous([photo.name for photo in photos])
-    photos = with_flights(_with_sensors(with_serials(shared_equivalents(photos))))
+    photos = with_flights(_with_sensors(with_calibrations(with_serials(shared_equivalents(photos)))))
     photos, about_heights = with_one_sign(photos)
     remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))

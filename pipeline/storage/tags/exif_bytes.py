@@ -49,7 +49,23 @@ _DJI = {
     11: "MakerNote:CameraRoll",
 }
 _EXIF_AT, _GPS_AT, _NOTE = 0x8769, 0x8825, 0x927C
-_FORMATS = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 6: "b", 7: "s", 8: "h", 9: "i", 10: "ii", 11: "f", 12: "d", 16: "Q"}
+_FORMATS = {
+    1: "B",
+    2: "s",
+    3: "H",
+    4: "I",
+    5: "II",
+    6: "b",
+    7: "s",
+    8: "h",
+    9: "i",
+    10: "ii",
+    11: "f",
+    12: "d",
+    13: "I",
+    16: "Q",
+    18: "Q",
+}
 """Format of one value by the type of an entry, as `struct` writes it."""
 _MOST_ENTRIES, _MOST_BYTES = 500, 2000
 
@@ -131,7 +147,7 @@ class _Block:
 
     def number(self, entry: _Entry | None) -> int | None:
         """The offset that an entry holds."""
-        return None if entry is None or entry.kind not in (4, 16) or entry.count != 1 else int(self._text(entry))
+        return None if entry is None or entry.kind not in (4, 13, 16, 18) or entry.count != 1 else int(self._text(entry))
 
     def _text(self, entry: _Entry) -> str:
         form = _FORMATS[entry.kind]

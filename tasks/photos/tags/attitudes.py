@@ -3,6 +3,7 @@
 Two conventions. A gimbal (DJI and all that follow it): north, east, down, rotations in the order yaw, pitch, roll; the camera looks
 along the first axis, so that -90 degrees of pitch look down. Pix4D's (Parrot, senseFly, MicaSense): the same rotations of the
 aircraft, whose camera looks along the third axis, so that all angles are 0 over a photograph of the ground with north at its top.
+Parrot's Anafi and Skydio name the camera's own angles as a gimbal has them; no file of theirs was at hand.
 Yaw is from true north; the map's north differs by the meridian convergence.
 """
 
@@ -26,6 +27,14 @@ _TO_EAST_NORTH_UP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]
 # point forward, to the right and down.
 _LOOKS_FORWARD = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 _LOOKS_DOWN = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_AXES = ("Yaw", "Pitch", "Roll")
+_GIMBALS = (
+    *(tuple(f"{prefix}:Gimbal{name}Degree" for name in _AXES) for prefix in MAKERS),
+    tuple(f"drone-parrot:Camera{name}Degree" for name in _AXES),
+    tuple(f"drone-skydio:CameraOrientationNED/drone-skydio:{name}" for name in _AXES),
+)
+_NOTE = tuple(f"MakerNote:Camera{name}" for name in _AXES)
+_PIX4D, _SENSEFLY = (tuple(f"{prefix}:{name}" for name in _AXES) for prefix in ("Camera", "sensefly"))
 _NORTH = 1e-4
 """degrees of latitude: about ten metres, over which the map's north does not turn"""
 
@@ -39,21 +48,21 @@ class Attitude(NamedTuple):
 
 def attitude_of(tags: Mapping[str, str]) -> Attitude | None:
     """The attitude that the tags give; None without a complete one."""
-    for prefix in MAKERS:
-        if gimbal := _triple(tags, *(f"{prefix}:Gimbal{name}Degree" for name in ("Yaw", "Pitch", "Roll"))):
-            return Attitude(rotated(gimbal, _LOOKS_FORWARD), "gimbal")
-    if note := _triple(tags, "MakerNote:CameraYaw", "MakerNote:CameraPitch", "MakerNote:CameraRoll"):
-        # Three zeros are a note that was never filled in.
-        return Attitude(rotated(note, _LOOKS_FORWARD), "gimbal") if any(note) else None
-    if body := _triple(tags, "Camera:Yaw", "Camera:Pitch", "Camera:Roll"):
+    found = (_triple(tags, names) for names in _GIMBALS)
+    if gimbal := next(filter(None, found), None):
+        return Attitude(rotated(gimbal, _LOOKS_FORWARD), "gimbal")
+    # Three zeros are a note that was never filled in.
+    if (note := _triple(tags, _NOTE)) and any(note):
+        return Attitude(rotated(note, _LOOKS_FORWARD), "gimbal")
+    if body := _triple(tags, _PIX4D):
         return Attitude(rotated(body, _LOOKS_DOWN), "aircraft")
-    if body := _triple(tags, "sensefly:Yaw", "sensefly:Pitch", "sensefly:Roll"):
+    if body := _triple(tags, _SENSEFLY):
         # Its roll counts the other way.
         return Attitude(rotated((body[0], body[1], -body[2]), _LOOKS_DOWN), "aircraft")
     return None
 
 
-def _triple(tags: Mapping[str, str], *names: str) -> Angles | None:
+def _triple(tags: Mapping[str, str], names: tuple[str, ...]) -> Angles | None:
     """Yaw, pitch and roll in degrees; a roll that is not there is 0."""
     yaw, pitch, roll = (exif.numbers(tags, name) for name in names)
     if not yaw or not pitch or (not roll and tag_text(tags, names[2])):

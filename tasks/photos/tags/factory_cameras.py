@@ -20,6 +20,8 @@ _WIDEST, _LONGEST = 0.2, 30.0
 """Camera constants in units of the width: nothing that flies is outside of this"""
 _ECCENTRIC = 0.1
 """Farthest principal point from the centre in units of the width"""
+_OTHER_SIZE = 0.15
+"""Twice the optical centre differs by more than this part from the width only where it is that of another size"""
 _MOST_DISTORTION = 20.0
 """A coefficient beyond this is another number"""
 
@@ -36,6 +38,13 @@ class PictureFrame:
     def scale(self) -> float:
         """Pixels of the file for one of the picture as it was written."""
         return self.width / self.width_written
+
+
+def written_width(tags: Mapping[str, str], width: int) -> float:
+    """The width, px, of the picture that these numbers are for, by the optical centre, which lies near its middle; that of the file
+    where this is hardly another one."""
+    col = maker_number(tags, "CalibratedOpticalCenterX")
+    return 2.0 * col if col and col > 0 and abs(2.0 * col / width - 1.0) > _OTHER_SIZE else float(width)
 
 
 def was_dewarped(tags: Mapping[str, str]) -> bool:
@@ -65,7 +74,6 @@ def _skydio(tags: Mapping[str, str], frame: PictureFrame) -> FactoryCamera | Non
     fx, fy, col, row = *pair, *centre
     if not fx or not fy or not col or not row or min(fx, fy) <= 0:
         return None
-    # The picture that the numbers are for, where the centre tells one of twice or half the size from that of the file.
     height_written = frame.height / frame.scale
     cx, cy = col - (frame.width_written - 1) / 2, row - (height_written - 1) / 2
     k = maker_numbers(tags, "DewarpData")

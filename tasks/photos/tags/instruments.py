@@ -4,7 +4,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
-from orthomill.schemas.photo import Photo, tag_text
+from orthomill.schemas.photo import FactoryCamera, Photo, tag_text
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.makers import maker_text
 
@@ -41,25 +41,44 @@ def band_of(tags: Mapping[str, str]) -> str | None:
     return None if name.lower() in _COLOUR or "," in name else name[:_LONGEST_NAME]
 
 
+def with_calibrations(photos: list[Photo]) -> list[Photo]:
+    """Photographs whose cameras are told apart by the calibrations in their tags, where these differ and no serial number does."""
+    found: defaultdict[str, dict[FactoryCamera, int]] = defaultdict(dict)
+    for photo in photos:
+        if photo.factory and photo.factory.kind == "calibrated":
+            found[photo.camera].setdefault(photo.factory, len(found[photo.camera]) + 1)
+    return [
+        photo.model_copy(update={"camera": _named(photo.camera, f"calibration {found[photo.camera][photo.factory]}")})
+        if photo.factory in found[photo.camera] and len(found[photo.camera]) > 1
+        else photo
+        for photo in photos
+    ]
+
+
 def with_serials(photos: list[Photo]) -> list[Photo]:
     """Photographs whose cameras have their serial numbers in their names, where two of one name have different ones."""
-    serials = defaultdict(set)
+    serials: defaultdict[str, set[str | None]] = defaultdict(set)
     for photo in photos:
         serials[photo.camera].add(photo.serial)
     several = {camera for camera, own in serials.items() if len(own - {None}) > 1}
     return [
-        photo.model_copy(update={"camera": _named(photo.camera, photo.serial)})
+        photo.model_copy(update={"camera": _named(photo.camera, f"no. {_plain(photo.serial)}")})
         if photo.serial and photo.camera in several
         else photo
         for photo in photos
     ]
 
 
-def _named(camera: str, serial: str) -> str:
-    """The name with the serial number before the size, which ends it."""
-    words = re.sub(r"[^A-Za-z0-9-]", "", serial)[-_LONGEST_NAME:]
-    start, size = re.fullmatch(r"(.*?)((?:\d+ x \d+)(?: turned \d)?)", camera).groups()  # type: ignore[union-attr]
-    return f"{start}no. {words} {size}"
+def _plain(serial: str) -> str:
+    """The letters and digits at its end, by which bodies of one series differ."""
+    return re.sub(r"[^A-Za-z0-9-]", "", serial)[-_LONGEST_NAME:]
+
+
+def _named(camera: str, words: str) -> str:
+    """The name of a camera with more words before the size, which ends it."""
+    size = re.search(r"\d+ x \d+( turned \d)?$", camera)
+    start = camera[: size.start()] if size else f"{camera} "
+    return f"{start}{words} {camera[len(start) :]}".strip()
 
 
 def shared_equivalents(photos: list[Photo]) -> list[Photo]:
@@ -68,7 +87,7 @@ def shared_equivalents(photos: list[Photo]) -> list[Photo]:
     Phones include the zoom in the tag, drones do not: where another photograph of the lens with another zoom has the same
     equivalent, it is not included.
     """
-    zooms = defaultdict(set)
+    zooms: defaultdict[tuple[float | None, float | None, int, int], set[float]] = defaultdict(set)
     for photo in photos:
         zooms[_lens(photo)].add(photo.zoom)
     return [

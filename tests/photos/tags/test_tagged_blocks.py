@@ -1,0 +1,133 @@
+"""Blocks by their tags as a project has them: positions, cameras and what is said, of real files and of small made ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthomill.pipeline.storage.image_files import read_header
+from orthomill.schemas.photo import Header, PhotoRemarkCode, Photos
+from orthomill.schemas.project import PositionsFromExif
+from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_from_exif
+from orthomill.tasks.photos.index import Limits, index_photos
+from orthomill.tasks.photos.report import remark_sentence
+
+SHARED = Path(__file__).parents[4] / "shared"
+YARD = SHARED / "data" / "rtk_yard"
+BY_TAGS = PositionsFromExif(kind="exif")
+
+
+def header(name: str, east: float = 0.0, **tags: str) -> Header:
+    known = {
+        "Make": "DJI",
+        "Model": "FC9999",
+        "FocalLength": "(8.8)",
+        "FocalLengthIn35mmFilm": "24",
+        "GPSLatitude": "(45) (0) (0)",
+        "GPSLatitudeRef": "N",
+        "GPSLongitude": f"(9) (0) ({east})",
+        "GPSLongitudeRef": "E",
+        "GPSAltitude": "(200)",
+    }
+    return Header(path=f"photos/{name}.jpg", width=4000, height=3000, bands=3, dtype="uint8", tags=known | tags)
+
+
+def block(*headers: Header, **settings) -> Photos:
+    positions = BY_TAGS.model_copy(update=settings)
+    return index_photos(headers, "EPSG:32632", positions, Limits(megapixels=50)).photos
+
+
+def dji(**tags: str) -> dict[str, str]:
+    return {f"drone-dji:{name}": value for name, value in tags.items()}
+
+
+RTK = {"RtkStdLon": "0.011", "RtkStdLat": "0.012", "RtkStdHgt": "0.023"}
+
+
+def said(photos: Photos, code: PhotoRemarkCode) -> str:
+    (remark,) = (remark for remark in photos.remarks if remark.code is code)
+    return remark_sentence(remark)
+
+
+def test_each_photograph_has_the_precision_of_its_fix():
+    headers = [header(str(i), i, **dji(RtkFlag=flag, **RTK)) for i, flag in enumerate(("50", "50", "34", "16"))]
+    photos = block(*headers)
+    assert [photo.position_sigma for photo in photos.photos] == [(0.011, 0.012, 0.023)] * 2 + [(0.3, 0.3, 0.5), (3.0, 3.0, 5.0)]
+    assert [photo.fix for photo in photos.photos] == ["fixed", "fixed", "float", "single"]
+    assert [photo.height_kind for photo in photos.photos] == ["ellipsoidal"] * 3 + [None]
+    assert "2 fixed, 1 float, 1 without corrections" in said(photos, PhotoRemarkCode.OWN_PRECISION)
+
+
+def test_stated_standard_errors_hold_for_all():
+    headers = [header(str(i), i, **dji(RtkFlag="50", **RTK)) for i in range(3)]
+    assert {photo.position_sigma for photo in block(*headers, sigma_plan=0.5, sigma_height=0.9).photos} == {(0.5, 0.5, 0.9)}
+    assert {photo.position_sigma for photo in block(*headers, sigma_height=0.9).photos} == {(0.011, 0.012, 0.9)}
+
+
+def test_nothing_is_said_of_an_ordinary_receiver():
+    assert block(*(header(str(i), i, **dji(RtkFlag="0", GimbalYawDegree="10")) for i in range(3))).remarks == ()
+
+
+def test_remarks_are_one_of_a_kind():
+    tags = dji(AbsoluteAltitude="+200.0", RelativeAltitude="+40.0", DewarpFlag="1")
+    photos = block(*(header(str(i), i, GPSAltitudeRef="1", **tags) for i in range(12)))
+    assert [photo.altitude for photo in photos.photos] == [200.0] * 12
+    assert [remark.code for remark in photos.remarks] == [PhotoRemarkCode.BELOW_SEA, PhotoRemarkCode.DEWARPED]
+    assert "12 photographs" in said(photos, PhotoRemarkCode.BELOW_SEA)
+
+
+def test_relative_heights_are_said():
+    photos = block(*(header(str(i), i, **dji(AbsoluteAltitude="+200.0", RelativeAltitude="+200.0")) for i in range(3)))
+    assert {photo.height_kind for photo in photos.photos} == {"relative"}
+    assert "above the place of take-off" in said(photos, PhotoRemarkCode.RELATIVE_HEIGHTS)
+
+
+def test_zoom_and_serial_numbers_make_cameras():
+    photos = block(header("a", DigitalZoomRatio="(1.5)"), header("b", 1.0), header("c", 2.0))
+    assert [photo.camera for photo in photos.photos] == ["DJI FC9999 8.8 mm zoom 1.5 4000 x 3000"] + [
+        "DJI FC9999 8.8 mm 4000 x 3000"
+    ] * 2
+    _, cameras, _ = cameras_from_exif(photos)
+    zoomed, plain = (cameras[photos[name].camera].c for name in "ab")
+    assert zoomed == pytest.approx(1.5 * plain) and "1.5 times" in said(photos, PhotoRemarkCode.DIGITAL_ZOOM)
+    two = block(header("a", BodySerialNumber="A1"), header("b", 1.0, BodySerialNumber="B2"))
+    assert len({photo.camera for photo in two.photos}) == 2 and "no. A1" in said(two, PhotoRemarkCode.SEVERAL_SERIALS)
+    assert [photo.flight for photo in two.photos] == [0, 1]
+
+
+def test_bands_are_cameras_of_their_own():
+    photos = block(header("a", **{"Camera:BandName": "Red"}), header("b", 1.0))
+    assert [photo.band for photo in photos.photos] == ["Red", None] and photos["a"].camera == "DJI FC9999 8.8 mm Red 4000 x 3000"
+
+
+@pytest.mark.skipif(not YARD.exists(), reason="the photographs of rtk_yard lie beside the repository")
+def test_the_yard_has_positions_angles_and_a_camera_by_its_tags():
+    headers = tuple(read_header(path) for path in sorted(YARD.glob("*.JPG")))
+    photos = block(*headers)
+    sigma = np.array([photo.position_sigma for photo in photos.photos])
+    assert len(sigma) == 20 and (sigma < 0.03).all() and (sigma >= 0.01).all()
+    assert {photo.fix for photo in photos.photos} == {"fixed"} and {photo.flight for photo in photos.photos} == {0}
+    assert max(abs(angle) for photo in photos.photos for angle in photo.attitude[:2]) < 0.2, "the gimbal looked down"
+    _, cameras, untagged = cameras_from_exif(photos)
+    (camera,) = cameras.values()
+    assert not untagged and camera.c == pytest.approx(1955.65, abs=0.01) and camera.lens.k1 == pytest.approx(-0.42275)
+
+
+CASES = SHARED / "cases"
+
+
+@pytest.mark.skipif(not CASES.exists(), reason="the inputs that failed lie beside the repository")
+def test_inputs_that_failed():
+    def case(name: str) -> Photos:
+        files = sorted(path for path in (CASES / name / "site").iterdir() if path.suffix.lower() in {".jpg", ".tif", ".png"})
+        return index_photos(tuple(map(read_header, files)), "EPSG:32615", BY_TAGS, Limits(megapixels=50)).photos
+
+    assert min(photo.position[2] for photo in case("altitude_ref_all_below").photos) == pytest.approx(198.5, abs=0.1)
+    assert {photo.position_sigma for photo in case("rtk_tags").photos} == {(0.01134, 0.01201, 0.0231)}
+    tiff = case("tiff_tags").photos[0]
+    assert (tiff.width, tiff.height, tiff.exif_orientation, tiff.camera) == (240, 136, 6, "DJI FC300S 3.6 mm 136 x 240")
+    assert tiff.pixel_um is not None and case("png_exif").photos[0].position is not None
+    assert case("png_exif").photos[0].focal_mm == 3.61
+    for name in ("two_serial_numbers", "digital_zoom_half"):
+        assert len({photo.camera for photo in case(name).photos}) == 2
+    assert [photo.band for photo in case("rgb_and_bands").photos] == [None] * 4 + ["Red", "NIR"] * 4
