@@ -56,7 +56,7 @@ class PhotoIndex(NamedTuple):
     scans: Scans
 
 
-class Placed(NamedTuple):
+class Positioned(NamedTuple):
     """Photographs with positions, remarks about these, the file that they come from, and what their heights refer to."""
 
     photos: list[Photo]
@@ -143,17 +143,17 @@ def index_photos(
     return PhotoIndex(indexed, scans)
 
 
-def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> Placed:
+def _placed(photos: list[Photo], crs: str, positions: Positions, text: str) -> Positioned:
     """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones."""
     if isinstance(positions, NoPositions):
-        return Placed(photos, [])
+        return Positioned(photos, [])
     if positions.kind != "exif":
-        return Placed(*placed_by_file(photos, text, positions if positions.kind == "file" else None, crs))
+        return Positioned(*placed_by_file(photos, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
     sigma = (positions.sigma_plan, positions.sigma_plan, positions.sigma_height)
     photos, heights = with_heights_of_crs(_placed_by_gps(photos, crs, sigma), crs, positions.crs)
-    return Placed(photos, strays, None, heights)
+    return Positioned(photos, strays, None, heights)
 
 
 def _fitted(photos: list[Photo], coordinates: ImageCoordinates, texts: tuple[str, ...]) -> list[Fitted]:

@@ -14,8 +14,8 @@ from orthomill.schemas.survey_files.photograph_names import PhotographNames, pho
 from orthomill.schemas.survey_files.text_encoding import encoding_of
 from orthomill.tasks.photos.position_files.event_matching import Matched, match_events
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
-from orthomill.tasks.photos.position_files.placing import PlacedPositions, attitudes, place
-from orthomill.tasks.photos.position_files.reading import read_positions, standard_errors
+from orthomill.tasks.photos.position_files.position_placing import PlacedPositions, attitudes, place
+from orthomill.tasks.photos.position_files.position_reading import read_positions, standard_errors
 
 LONGEST = 60
 """letters of the name of a system; longer ones are whole definitions"""
