@@ -41,9 +41,7 @@ def read_mrk(text: str) -> PositionList:
         time, fix = float(week) * _WEEK + float(seconds), fix_of(float(code)) if code else None
         place = (float(lon), float(lat), float(height))
         found.append(ListedPosition(line, "", place, sigma, fix=fix, number=int(number), time=time))
-    return PositionList(
-        "DJI time marks (.MRK)", tuple(found), "EPSG:4979", "ellipsoidal", True, unit_stated=True, mistakes=tuple(mistakes)
-    )
+    return PositionList("DJI time marks (.MRK)", tuple(found), "EPSG:4979", "ellipsoidal", True, mistakes=tuple(mistakes))
 
 
 def is_pos(text: str) -> bool:
