@@ -121,10 +121,10 @@ def unfit_map(crs: str, places: list[tuple[float, float]]) -> str:
     """What is wrong with a system in metres whose metres are none at the first of `places` (longitude, latitude); "" for none."""
     plane = CRS.from_user_input(crs)
     plane = plane.sub_crs_list[0] if plane.is_compound else plane
-    if not places or not plane.is_projected:
+    # The system of another place is answered by the stages, with that place.
+    if not places or not plane.is_projected or not _is_for(plane, *places[0]):
         return ""
     factor = map_scale(plane, *places[0]).factor
-    # Beyond the projection is beyond its area, which the stages answer with the name of the photograph.
     return unfit_sentence(crs, plane, factor, *places[0]) if math.isfinite(factor) and is_unfit(factor) else ""
 
 
@@ -179,6 +179,12 @@ def _places(photographs: Any, root: Path) -> list[tuple[float, float]]:
         return [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
     except (OrthomillError, ValueError):  # a path with a null character has its own sentence
         return []
+
+
+def _is_for(plane: CRS, longitude: float, latitude: float) -> bool:
+    """Whether a system is meant for a place, as far as it says."""
+    area = plane.area_of_use
+    return area is None or area.west > area.east or (area.west <= longitude <= area.east and area.south <= latitude <= area.north)
 
 
 def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -> None:

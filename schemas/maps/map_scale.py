@@ -56,7 +56,7 @@ def utm_zone(longitude: float, latitude: float) -> str:
 def unfit_sentence(text: str, crs: CRS, factor: float, longitude: float, latitude: float) -> str:
     """What is wrong with a system of such a scale, and what to take."""
     return (
-        f"crs: {text} ({crs.name}) is {factor:.4g} times as large as the ground at the site, so that lengths, areas and heights "
+        f"{text} ({crs.name}) is {factor:.4g} times as large as the ground at the site, so that lengths, areas and heights "
         f"would disagree; take the UTM zone of the site, {utm_zone(longitude, latitude)}, or a national grid, and project the "
         "products afterwards."
     )

@@ -9,6 +9,7 @@ import re
 from datetime import UTC, datetime
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.photo import HeightKind
 from orthomill.schemas.survey_files.sniffed_table import lines_of
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple, fix_of
 
@@ -68,7 +69,7 @@ def read_pos(text: str) -> PositionList:
         else:
             found.append(one)
     geocentric = "x-ecef" in head
-    heights = "sea_level" if "geodetic" in head else "ellipsoidal"
+    heights: HeightKind = "sea_level" if "geodetic" in head else "ellipsoidal"
     return PositionList(
         "RTKLIB or Emlid solution (.pos)",
         tuple(found),
