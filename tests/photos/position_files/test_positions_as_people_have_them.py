@@ -17,7 +17,7 @@ from orthomill.schemas.survey_files.text_encoding import decoded
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.position_files.attitude_conventions import from_yaw_pitch_roll
-from orthomill.tasks.photos.position_sentences import heights_sentence, read_sentence
+from orthomill.tasks.photos.position_sentences import assumptions, heights_sentence, read_sentence, what_was_read
 
 UTM = "EPSG:32632"
 # Strips of unequal bases, so that a shift by one exposure is none of them.
@@ -322,3 +322,11 @@ def test_a_system_without_heights_says_nothing_of_tags():
 def test_a_web_map_is_refused_with_its_scale_and_the_zone():
     with pytest.raises(OrthomillError, match=r"EPSG:3857 .* is 1\.41\d times as large as the ground .* EPSG:32632"):
         index_photos(headers(gps=True), "EPSG:3857", PositionsFromExif(kind="exif"), LIMITS)
+
+
+@pytest.mark.parametrize(("case", "assumed"), [("our own", False), ("northing first", True), ("time marks by their numbers", True)])
+def test_only_what_was_assumed_is_a_warning(case, assumed):
+    photos = FILES[case]()
+    note, warning = list(what_was_read(photos)), list(assumptions(photos))
+    assert any(text.startswith("Positions: ") for text in (warning if assumed else note))
+    assert not any(text.startswith("Positions: ") for text in (note if assumed else warning))
