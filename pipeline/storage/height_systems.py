@@ -14,6 +14,7 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.maps.geoid_grids import how_to_get, missing_grids, with_grids_of_the_system
 
 FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937, "ftus": 1200 / 3937}
 """names of units of bands -> m"""
@@ -81,10 +82,11 @@ def in_metres(values: np.ndarray, x: np.ndarray, y: np.ndarray, system: HeightSy
 
 def vertical_shift(x: np.ndarray, y: np.ndarray, system: HeightSystem, target: CRS, where: str) -> np.ndarray:
     """What is to be added (N,) m to heights of a file at places (N,) of the target's plan system, once they are in metres."""
+    with_grids_of_the_system()
     group = TransformerGroup(system.whole, target, always_xy=True)
     if not group.transformers or not group.best_available:
-        grids = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids if not grid.available]
-        missing = f" the grid {grids[0]} (projsync --file {grids[0]})" if grids else " a grid that PROJ does not name"
+        grids = missing_grids(group.unavailable_operations)
+        missing = f" the grid {grids[0]} ({how_to_get(grids)})" if grids else " a grid that PROJ does not name"
         raise WorkflowError(
             f"The heights of {where} are in {system.vertical.name if system.vertical else system.whole.name}, those of the "
             f"project in "

@@ -27,17 +27,6 @@ def _degrees(text: str, reference: str) -> float | None:
     return -size if reference.strip().upper().startswith(("S", "W")) else size
 
 
-def utm_zone(longitude: float, latitude: float) -> str:
-    """The EPSG code of the UTM zone (WGS 84) of a position, e.g. "EPSG:32634", with the exceptions of Norway and Svalbard."""
-    zone = min(int((longitude + 180) // 6) + 1, 60)
-    # Zone 32 is widened to cover south-western Norway; around Svalbard only the odd zones 31 to 37 are used.
-    if 56 <= latitude < 64 and 3 <= longitude < 12:
-        zone = 32
-    if 72 <= latitude <= 84 and 0 <= longitude < 42:
-        zone = 31 + 2 * int((longitude + 3) // 12)
-    return f"EPSG:{'326' if latitude >= 0 else '327'}{zone:02d}"
-
-
 def focal_mm(tags: dict[str, str]) -> float | None:
     """The focal length in millimetres; None where it is absent or 0, which lenses without contacts report."""
     found = _NUMBER.search(tags.get("FocalLength", ""))

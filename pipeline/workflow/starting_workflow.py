@@ -16,13 +16,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from pyproj.exceptions import CRSError
+
 from orthomill.pipeline.storage.image_files import image_files, read_header, shown
-from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_beside
-from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
+from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of, unfit_map
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
+from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
@@ -145,6 +148,8 @@ def write_starting_workflow(
     if path.exists():
         raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
     survey = survey_photographs(photos, root)
+    if crs and (mistake := unfit_crs(crs, survey)):
+        raise WorkflowError(mistake)
     text = starting_text(name, survey, catalogue, crs)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -154,6 +159,15 @@ def write_starting_workflow(
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
     return StartingWorkflow(path, survey, tuple(_notes(name, survey, crs)))
+
+
+def unfit_crs(crs: str, survey: Survey) -> str:
+    """What is wrong with a system that photographs of a place cannot be measured in, "" where nothing is known to be."""
+    # What is no system at all, or one in degrees, is told when the workflow is loaded.
+    try:
+        return unfit_map(crs, list(survey.places))
+    except CRSError:
+        return ""
 
 
 def _check_name(name: str) -> None:

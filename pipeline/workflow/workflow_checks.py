@@ -4,6 +4,7 @@ None of it needs photogrammetry, and all of it is checked before anything runs. 
 continues, so that everything is reported at once.
 """
 
+import math
 import os
 import shlex
 from collections import Counter
@@ -18,10 +19,11 @@ from pyproj.exceptions import CRSError
 
 from orthomill.pipeline.storage.image_files import image_files, is_image_name, read_header
 from orthomill.pipeline.storage.map_files import check_map_file
-from orthomill.pipeline.workflow.camera_tags import longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.camera_tags import longitude_latitude
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest
 from orthomill.pipeline.workflow.yaml_lines import Path_
 from orthomill.schemas.errors import OrthomillError, WorkflowError
+from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence, utm_zone
 from orthomill.schemas.project import PhotoFolder, PhotoList, Project
 from orthomill.schemas.stage_contract import Stage
 
@@ -111,6 +113,19 @@ def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, 
     problem = _plan_problem(parts[0]) or _height_problem(parts[1:])
     if problem:
         mistakes.add(("crs",), f"{crs} ({system.name}) {problem}; {_suggestion(photographs, root)}")
+    elif sentence := unfit_map(crs, _places(photographs, root)):
+        mistakes.add(("crs",), sentence)
+
+
+def unfit_map(crs: str, places: list[tuple[float, float]]) -> str:
+    """What is wrong with a system in metres whose metres are none at the first of `places` (longitude, latitude); "" for none."""
+    plane = CRS.from_user_input(crs)
+    plane = plane.sub_crs_list[0] if plane.is_compound else plane
+    # The system of another place is answered by the stages, with that place.
+    if not places or not plane.is_projected or not _is_for(plane, *places[0]):
+        return ""
+    factor = map_scale(plane, *places[0]).factor
+    return unfit_sentence(crs, plane, factor, *places[0]) if math.isfinite(factor) and is_unfit(factor) else ""
 
 
 def _guessed(crs: str, system: CRS) -> bool:
@@ -147,18 +162,29 @@ def _height_problem(vertical: list[CRS]) -> str:
 
 def _suggestion(photographs: Any, root: Path) -> str:
     """The UTM zone of the first photographs that have a position, or else how to find it."""
-    # Only a suggestion: three headers are enough for it, and a damaged photograph is reported elsewhere.
-    try:
-        files = image_files(root, photographs)[:3] if isinstance(photographs, PhotoFolder | PhotoList) else ()
-        places = [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
-    except OrthomillError:
-        places = []
+    places = _places(photographs, root)
     if places:
         return f"the GPS tags of the photographs suggest {utm_zone(*places[0])}, the UTM zone they are in."
     return (
         "use a national grid, or UTM: EPSG:326nn north and EPSG:327nn south of the equator, nn being the zone, "
         "e.g. EPSG:32634 for 18 to 24 degrees east."
     )
+
+
+def _places(photographs: Any, root: Path) -> list[tuple[float, float]]:
+    """Longitude and latitude of the first photographs that have them."""
+    # Three headers are enough to find the site, and a damaged photograph is reported elsewhere.
+    try:
+        files = image_files(root, photographs)[:3] if isinstance(photographs, PhotoFolder | PhotoList) else ()
+        return [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
+    except (OrthomillError, ValueError):  # a path with a null character has its own sentence
+        return []
+
+
+def _is_for(plane: CRS, longitude: float, latitude: float) -> bool:
+    """Whether a system is meant for a place, as far as it says."""
+    area = plane.area_of_use
+    return area is None or area.west > area.east or (area.west <= longitude <= area.east and area.south <= latitude <= area.north)
 
 
 def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -> None:

@@ -7,6 +7,7 @@ tell which.
 import csv
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 _SHARE = 0.6
@@ -71,7 +72,7 @@ def _share(lines: list[str], sign: str) -> float:
     return sum(sign in line for line in lines) / len(lines) if lines else 0.0
 
 
-def _decimal(cells) -> str:  # type: ignore[no-untyped-def]
+def _decimal(cells: Iterable[str]) -> str:
     found = [bool(_COMMA_NUMBER.fullmatch(cell.strip())) - bool(_POINT_NUMBER.fullmatch(cell.strip())) for cell in cells]
     return "," if sum(found) > 0 else "."
 

@@ -64,7 +64,7 @@ class PhotoIndex(NamedTuple):
     scans: Scans
 
 
-class Placed(NamedTuple):
+class Positioned(NamedTuple):
     """Photographs with positions, remarks about these, the file that they come from, and what their heights refer to."""
 
     photos: list[Photo]
@@ -172,22 +172,22 @@ def index_photos(
     return PhotoIndex(indexed, scans)
 
 
-def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]) -> Placed:
+def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]) -> Positioned:
     """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones.
 
     own: the standard errors that the tags give, by the name of the photograph.
     """
     if isinstance(positions, NoPositions):
-        return Placed(photos, [])
+        return Positioned(photos, [])
     if positions.kind != "exif":
         # The tags say how the position was found that they hold, not the one of the file.
         plain = [photo.model_copy(update={"fix": None, "height_kind": None}) for photo in photos]
-        return Placed(*placed_by_file(plain, text, positions if positions.kind == "file" else None, crs))
+        return Positioned(*placed_by_file(plain, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
     placed = _placed_by_gps(photos, crs, {name: _stated(positions, sigma) for name, sigma in own.items()})
     placed, heights = with_heights_of_crs(placed, crs, positions.crs)
-    return Placed(placed, strays, None, heights)
+    return Positioned(placed, strays, None, heights)
 
 
 def _own_sigmas(headers: tuple[Header, ...]) -> dict[str, Sigma]:

@@ -13,12 +13,24 @@ _TOLD_BY = {
 }
 
 
-def position_sentences(photos: Photos) -> Iterator[str]:
-    """What a reader must know of the positions: the file and what was assumed of it, and what heights refer to."""
-    if photos.positions_read:
-        yield read_sentence(photos.positions_read)
+def what_was_read(photos: Photos) -> Iterator[str]:
+    """The positions file and what heights refer to, where nothing had to be assumed: worth a note, and no warning."""
+    yield from (sentence for sentence, assumed in _sentences(photos) if not assumed)
+
+
+def assumptions(photos: Photos) -> Iterator[str]:
+    """What was assumed of the positions and may be wrong."""
+    yield from (sentence for sentence, assumed in _sentences(photos) if assumed)
+
+
+def _sentences(photos: Photos) -> Iterator[tuple[str, bool]]:
+    """Sentences about the positions, and whether they tell of an assumption."""
+    if read := photos.positions_read:
+        unconfirmed = read.matched != "name" and read.confirmed is None
+        assumed = bool(read.exchanged or read.defaults or read.raised or unconfirmed or read.encoding == "Windows-1252")
+        yield read_sentence(read), assumed
     if photos.heights and (sentence := heights_sentence(photos.heights)):
-        yield sentence
+        yield sentence, bool(photos.heights.target and photos.heights.unknown)
 
 
 def read_sentence(read: PositionsRead) -> str:

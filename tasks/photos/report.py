@@ -9,7 +9,7 @@ from orthomill.schemas.errors import some_of
 from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos, photo_raster
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, StageReport, Topic, Verdict
 from orthomill.tasks.photos.pixels import Exposure
-from orthomill.tasks.photos.position_sentences import position_sentences
+from orthomill.tasks.photos.position_sentences import assumptions
 from orthomill.tasks.photos.scans import Scans
 
 PICTURES = 6
@@ -291,7 +291,7 @@ def _pictures(photos: Photos) -> tuple[Picture, ...]:
 
 def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
     """What is noticed about files, positions and cameras before any pixel is read."""
-    yield from position_sentences(photos)
+    yield from assumptions(photos)
     yield from (remark_sentence(remark) for remark in photos.remarks)
     unplaced = [photo.name for photo in photos.photos if photo.position is None]
     if unplaced and positions_kind != "none":

@@ -20,6 +20,7 @@ from orthomill.tasks.imagery.upright import file_window, turned, upright_shape
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
+from orthomill.tasks.photos.position_sentences import what_was_read
 from orthomill.tasks.photos.report import header_warnings, photos_report
 from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
 
@@ -47,7 +48,9 @@ class PhotosStage(Stage):
 
     def remarks(self, view: ProjectView) -> Iterator[str]:
         """What is noticed about files, positions and cameras."""
-        return header_warnings(view.table(PHOTOS), view.project.positions.kind, view.project.cameras.kind)
+        photos = view.table(PHOTOS)
+        yield from what_was_read(photos)
+        yield from header_warnings(photos, view.project.positions.kind, view.project.cameras.kind)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The table of photographs first, then their strips, levels and exposure."""

@@ -108,7 +108,8 @@ def _as_read(surveyed: Rows, marked: Rows, control: Control, corner: bool, texts
 
 def control_at(known: dict[str, ControlPoint], photos: Photos, measurements: str, absent: Rule) -> Control:
     """Control of `known` points, those that the CSV text `measurements` names. Raises WorkflowError as `read_control` does."""
-    rows = mark_rows(measurements, StatedControl(), mistakes := []).rows
+    mistakes: list[str] = []
+    rows = mark_rows(measurements, NOTHING_STATED, mistakes).rows
     named = {row["name"] for _, row in rows}
     return _measured({name: point for name, point in known.items() if name in named}, photos, (rows, None), absent, mistakes)
 

@@ -21,8 +21,14 @@ from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoin
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList, ControlFromScans
 from orthomill.tasks.geometry.reference_system import in_area_of_use, on_earth
-from orthomill.tasks.geometry.survey_system import fitting_system, middle_degrees, plan_of, survey_crs, transform_surveyed
-from orthomill.tasks.geometry.unfit_maps import refuse_unfit_place
+from orthomill.tasks.geometry.survey_system import (
+    fitting_system,
+    middle_degrees,
+    plan_of,
+    refuse_unfit_place,
+    survey_crs,
+    transform_surveyed,
+)
 from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_datum import datum_apart
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
@@ -96,7 +102,7 @@ def _with(control: Control, findings: tuple[ControlFinding, ...]) -> Control:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _PlacedControl:
     """Transformed coordinates of the surveyed points by name, none where they are on another site, the system in which they were
     read, and what was found."""
 
@@ -109,7 +115,7 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
     """Coordinates in the project's system, measurements in pixels of the photographs, distances on its map. Points on another site
     become tie points if a distance needs them: lengths are right whatever the system."""
     surveyed = [point for point in control.points if point.role != "tie"]
-    placed = _place(surveyed, photos, own, crs) if surveyed else _Placed({}, own or crs)
+    placed = _place(surveyed, photos, own, crs) if surveyed else _PlacedControl({}, own or crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
     points = tuple(
         point.model_copy(
@@ -132,7 +138,7 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
     )
 
 
-def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: str) -> _Placed:
+def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: str) -> _PlacedControl:
     """Surveyed points in the project's system."""
     given = np.array([point.xyz for point in surveyed])
     degrees = own is None and _are_degrees(given, crs)
@@ -143,7 +149,7 @@ def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: s
         found.append(ControlExchanged(points=len(given), crs=system))
     xyz, only = transform_surveyed(given, system, crs)
     if elsewhere := _on_another_site(given, xyz, photos, system, crs):
-        return _Placed({}, system, (elsewhere,))
+        return _PlacedControl({}, system, (elsewhere,))
     if on_earth(crs):
         refuse_unfit_place(np.median(xyz[:, :2], axis=0), crs)
     raised = at_the_heights_of_positions(given, xyz, system, crs, photos)
@@ -152,7 +158,7 @@ def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: s
     if apart := datum_apart(surveyed, given, raised.xyz, photos, system, crs):
         found.append(apart)
     placed = {point.name: tuple(map(float, place)) for point, place in zip(surveyed, raised.xyz, strict=True)}
-    return _Placed(placed, system, tuple(found))
+    return _PlacedControl(placed, system, tuple(found))
 
 
 def _are_degrees(given: np.ndarray, crs: str) -> bool:

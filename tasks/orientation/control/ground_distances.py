@@ -5,12 +5,12 @@ UTM is 0.04 % too small in the middle of its zone, and heights make the map smal
 
 import numpy as np
 
-from orthomill.schemas.map_scale import on_the_map as scaled
+from orthomill.schemas.maps.map_scale import on_the_map as scaled
 from orthomill.schemas.observations import ControlPoint, Distance
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS
 from orthomill.tasks.geometry.reference_system import on_earth
-from orthomill.tasks.geometry.unfit_maps import scale_at
+from orthomill.tasks.geometry.survey_system import scale_at
 
 
 def on_the_map(distances: tuple[Distance, ...], points: tuple[ControlPoint, ...], photos: Photos, crs: str) -> tuple[Distance, ...]:

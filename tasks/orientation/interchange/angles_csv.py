@@ -10,8 +10,9 @@ import numpy as np
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.orientation import Block
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, photo_name
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose
 
 COLUMNS = ("photo", "x", "y", "z", "omega", "phi", "kappa")
 SIGMAS = ("sigma_x", "sigma_y", "sigma_z", "sigma_omega", "sigma_phi", "sigma_kappa")
@@ -28,7 +29,7 @@ def read_angles(text: str) -> ForeignBlock:
     mistakes = []
     for number, cells in rows:
         row = dict(zip(names, cells, strict=False))
-        name, pose = photo_name(row.get("photo", "")), _pose(row)
+        name, pose = photo_stem(row.get("photo", "")), _pose(row)
         if pose is None:
             mistakes.append(f"Line {number} of the exterior orientation does not hold six numbers behind the photograph: {cells}.")
         elif name in poses:

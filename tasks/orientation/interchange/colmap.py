@@ -9,8 +9,9 @@ import numpy as np
 
 from orthomill.schemas.camera import LENSES, Camera, lens_parameters
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
-from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose
 
 _LENS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
@@ -50,7 +51,7 @@ def _poses(images: str, known: dict[str, Camera], origin: np.ndarray) -> tuple[d
             )
         # x_camera = R X + t, so that the projection centre is -R' t.
         rotation = rotation_of_quaternion(np.array(words[1:5], float))
-        name = photo_name(words[9])
+        name = photo_stem(words[9])
         poses[name] = ForeignPose(Y_DOWN @ rotation, origin - rotation.T @ np.array(words[5:8], float))
         of_photo[name] = known[words[8]]
     return poses, of_photo

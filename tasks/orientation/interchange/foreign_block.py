@@ -5,7 +5,6 @@ are rotated upright, exported ones are rotated back. A camera of another size th
 """
 
 from dataclasses import dataclass, replace
-from pathlib import PurePath
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.findings.block_findings import BlockFinding, PhotosUnknown
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.survey_files.photograph_names import PhotographNames
 from orthomill.tasks.geometry.camera_change import TURN, file_size, scaled, turned
 
 Y_DOWN = np.diag([1.0, -1.0, -1.0])
@@ -47,13 +47,6 @@ class ForeignBlock:
     """whether poses and cameras are those of the upright photographs already"""
 
 
-def photo_name(word: str) -> str:
-    """The name of a photograph in the project: its path without folders and without the extension of an image file."""
-    # Only known extensions are cut: a stem such as "2009.05.17" has dots of its own. Paths of Windows come with backslashes.
-    path = PurePath(word.strip().replace("\\", "/"))
-    return path.stem if path.suffix.lower() in {".jpg", ".jpeg", ".tif", ".tiff", ".png", ".dng"} else path.name
-
-
 def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
     """The block reduced to the project's photographs, upright and in their size. Raises WorkflowError when it has none of them, or
     when a camera has another aspect ratio than its photograph."""
@@ -72,11 +65,9 @@ def upright_block(block: ForeignBlock, photos: Photos) -> ForeignBlock:
 
 def _in_own_words(block: ForeignBlock, photos: Photos) -> ForeignBlock:
     """The block with photographs named as in the project, where names differ in capitals only."""
-    # Where capitals distinguish two photographs, on either side, names are left as they are.
-    own = {photo.name.lower(): photo.name for photo in photos.photos}
-    if len(own) < len(photos.photos):
-        return block
-    word = {name: name if name in photos.names else own.get(name.lower(), name) for name in block.poses}
+    names = PhotographNames(photos.names)
+    word = {name: names.find(name) or name for name in block.poses}
+    # Where capitals distinguish two photographs of the file, names are left as they are.
     if len(set(word.values())) < len(word):
         return block
     cameras = {word.get(name, name): camera for name, camera in block.cameras.items()}

@@ -11,7 +11,8 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
-from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
+from orthomill.schemas.survey_files.photograph_names import photo_stem
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose
 
 _ROTATIONS = ("R_world_to_camera", "R", "rotation")
 _LENS = ("k1", "k2", "k3", "p1", "p2")
@@ -31,7 +32,7 @@ def read_matrices(text: str) -> ForeignBlock:
         raise WorkflowError('The file of matrices must be an object {"photograph": {"K": ..., "R": ..., "t": ...}, ...}.')
     poses, cameras = {}, {}
     for word, entry in entries.items():
-        name = photo_name(word)
+        name = photo_stem(word)
         poses[name], cameras[name] = _pose(word, entry), _camera(name, word, entry)
     return ForeignBlock(poses, cameras, _object_points(poses))
 

@@ -15,10 +15,11 @@ from pydantic_core import to_json
 from orthomill.schemas.camera import LENSES, Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.findings.block_findings import BlockFinding, LargestReconstruction
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric, reference_of
-from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose, photo_name
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose
 
 # Names of the two camera constants, and the distortion coefficients, by projection type.
 _MODELS = {
@@ -39,8 +40,8 @@ def read_opensfm(text: str, crs: str, reference: str | None = None) -> ForeignBl
         part = max(parts, key=lambda one: len(one["shots"]))
         cameras = {name: _camera(name, values) for name, values in part["cameras"].items()}
         place = json.loads(reference) if reference else part.get("reference_lla")
-        poses = {photo_name(name): _pose(shot) for name, shot in part["shots"].items()}
-        of_photo = {photo_name(name): cameras[shot["camera"]] for name, shot in part["shots"].items()}
+        poses = {photo_stem(name): _pose(shot) for name, shot in part["shots"].items()}
+        of_photo = {photo_stem(name): cameras[shot["camera"]] for name, shot in part["shots"].items()}
         points = np.array([point["coordinates"] for point in part.get("points", {}).values()], float).reshape(-1, 3)
     except (json.JSONDecodeError, KeyError, TypeError, ValueError) as error:
         # Any of these errors means another kind of JSON; the message says which key or type was missing.

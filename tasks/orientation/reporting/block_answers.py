@@ -13,7 +13,6 @@ from orthomill.schemas.findings.block_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
-from orthomill.tasks.geometry.survey_system import vertical_name
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 
 CLASSES = ((1.0, "the most accurate mapping (1 pixel)"), (2.0, "standard mapping (2 pixels)"), (3.0, "visualisation (3 pixels)"))
@@ -81,14 +80,14 @@ def block_answers(facts: Facts) -> Iterator[Answer]:
     if sigmas := _sigmas(facts):
         plan, height = (_length(sigma, facts) for sigma in sigmas)
         yield Answer(topic=Topic.PRECISION, text=f"{plan} in plan, {height} in height (standard error of a point)")
-    yield Answer(topic=Topic.REFERENCE, text=_heights(facts.block.crs))
+    yield Answer(topic=Topic.REFERENCE, text=_heights(facts))
 
 
-def _heights(crs: str) -> str:
+def _heights(facts: Facts) -> str:
     """What heights refer to; a block without a place on earth is not even in the project's system."""
-    if not on_earth(crs):
+    if not on_earth(facts.block.crs):
         return "not reached: the block is in a local system without place"
-    return f"heights: {vertical_name(crs) or 'as in the input, system not stated'}"
+    return f"heights: {facts.heights or 'as in the input, system not stated'}"
 
 
 def block_evidence(facts: Facts) -> Iterator[Evidence]:

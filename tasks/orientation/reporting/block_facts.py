@@ -6,10 +6,11 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding, DatumMisfit, NoDatum
-from orthomill.schemas.findings.control_findings import HeightsAllZero
+from orthomill.schemas.findings.control_findings import HeightsAllZero, HeightsOfTwoSystems
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos
+from orthomill.tasks.geometry.survey_system import vertical_name
 
 CAMERAS_SHOWN = 12
 """A report with tables and charts of more cameras is not read."""
@@ -37,6 +38,19 @@ class Facts:
         return dict(list(self.block.cameras.items())[:CAMERAS_SHOWN])
 
     @property
+    def heights(self) -> str | None:
+        """What the heights of the block count from: what the system says, or else the positions where these hold it; None: nothing
+        tells."""
+        if stated := vertical_name(self.block.crs):
+            return stated
+        positions, raised = (
+            self.photos.heights,
+            any(isinstance(f, HeightsOfTwoSystems) and f.shift_m for f in self.control.findings),
+        )
+        held = any(point.role == "control" for point in self.control.points) and not raised
+        return positions.system if positions and not positions.unknown and not held else None
+
+    @property
     def without_datum(self) -> bool:
         """Whether the block is a free network: it has no place, and which way is up is arbitrary."""
         return any(isinstance(finding, NoDatum) for finding in self.precision.findings)
@@ -51,7 +65,7 @@ class Facts:
 
 def heights_missing(control: Control) -> bool:
     """Whether no control point has a height: that control and the shape of the block disagree is then the same fact."""
-    return any(isinstance(finding, HeightsAllZero) for finding in control.findings)
+    return any(isinstance(finding, HeightsAllZero) and not finding.freed for finding in control.findings)
 
 
 def told_findings(control: Control, precision: BlockPrecision) -> tuple[BlockFinding, ...]:

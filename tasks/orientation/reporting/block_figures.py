@@ -6,7 +6,6 @@ import numpy as np
 
 from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual
 from orthomill.schemas.stage_report import Figure
-from orthomill.tasks.geometry.survey_system import vertical_name
 from orthomill.tasks.orientation.reporting.block_answers import accuracy
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
@@ -49,7 +48,7 @@ def _photographs(facts: Facts) -> Iterator[Figure]:
     yield Figure(name="datum", value=block.datum)
     yield Figure(
         name="height_reference",
-        value=vertical_name(block.crs) or "not stated",
+        value=facts.heights or "not stated",
         sentence="What heights count from. Not stated: from where the heights of control or positions count; state it as the part "
         "of crs after a plus sign.",
     )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.findings.block_findings import BlockBent
-from orthomill.tasks.adjustment.testing.position_trend import SIGNIFICANT, Trend, height_trend
+from orthomill.tasks.adjustment.testing.position_trend import Trend, height_trend
 from orthomill.tasks.adjustment.testing.surveyed_blunders import antennas
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.shape.view_trend import ViewTrend, view_trend

@@ -9,6 +9,7 @@ import re
 from datetime import UTC, datetime
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.photo import HeightKind
 from orthomill.schemas.survey_files.sniffed_table import lines_of
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple, fix_of
 
@@ -41,9 +42,7 @@ def read_mrk(text: str) -> PositionList:
         time, fix = float(week) * _WEEK + float(seconds), fix_of(float(code)) if code else None
         place = (float(lon), float(lat), float(height))
         found.append(ListedPosition(line, "", place, sigma, fix=fix, number=int(number), time=time))
-    return PositionList(
-        "DJI time marks (.MRK)", tuple(found), "EPSG:4979", "ellipsoidal", True, unit_stated=True, mistakes=tuple(mistakes)
-    )
+    return PositionList("DJI time marks (.MRK)", tuple(found), "EPSG:4979", "ellipsoidal", True, mistakes=tuple(mistakes))
 
 
 def is_pos(text: str) -> bool:
@@ -70,7 +69,7 @@ def read_pos(text: str) -> PositionList:
         else:
             found.append(one)
     geocentric = "x-ecef" in head
-    heights = "sea_level" if "geodetic" in head else "ellipsoidal"
+    heights: HeightKind = "sea_level" if "geodetic" in head else "ellipsoidal"
     return PositionList(
         "RTKLIB or Emlid solution (.pos)",
         tuple(found),

@@ -20,7 +20,7 @@ def is_geo_file(text: str) -> bool:
     if len(lines) < 2 or is_image_word(re.split(r"[\s,;]", lines[0].strip())[0]):
         return False
     match = NAMED_IMAGE.match(lines[1])
-    return bool(match) and looks_like_system(lines[0]) and len(re.split(r"[\s;]+", match[2].strip())) >= 2
+    return match is not None and looks_like_system(lines[0]) and len(re.split(r"[\s;]+", match[2].strip())) >= 2
 
 
 def read_geo_file(text: str) -> PositionList:

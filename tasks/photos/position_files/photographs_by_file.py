@@ -14,8 +14,8 @@ from orthomill.schemas.survey_files.photograph_names import PhotographNames, pho
 from orthomill.schemas.survey_files.text_encoding import encoding_of
 from orthomill.tasks.photos.position_files.event_matching import Matched, match_events
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
-from orthomill.tasks.photos.position_files.placing import PlacedPositions, attitudes, place
-from orthomill.tasks.photos.position_files.reading import read_positions, standard_errors
+from orthomill.tasks.photos.position_files.position_placing import PlacedPositions, attitudes, place
+from orthomill.tasks.photos.position_files.position_reading import read_positions, standard_errors
 
 LONGEST = 60
 """letters of the name of a system; longer ones are whole definitions"""
@@ -44,7 +44,7 @@ def placed_by_file(photos: list[Photo], text: str, source: PositionsFromFile | N
     placed = place(own, source.crs, crs, photos)
     defaults = (source.sigma_plan, source.sigma_height)
     rows = zip(own.positions, placed.xyz.tolist(), attitudes(own, placed, crs), strict=True)
-    by_name = {one.name: _update(one, xyz, angles, defaults, placed) for one, xyz, angles in rows}
+    by_name = {one.name: _update(one, xyz, angles, defaults, placed, listed.heights) for one, xyz, angles in rows}
     remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
     read = _read(listed, own, placed, matched, defaults).model_copy(update={"encoding": encoding_of(text)})
     return FromFile([photo.model_copy(update=by_name.get(photo.name, {})) for photo in photos], remarks, read, placed.heights)
@@ -84,14 +84,19 @@ def _by_name(listed: PositionList, photos: list[Photo]) -> tuple[Matched, tuple[
 
 
 def _update(
-    one: ListedPosition, xyz: list[float], angles: Triple | None, defaults: tuple[float, float], placed: PlacedPositions
+    one: ListedPosition,
+    xyz: list[float],
+    angles: Triple | None,
+    defaults: tuple[float, float],
+    placed: PlacedPositions,
+    stated: HeightKind | None,
 ) -> dict[str, object]:
     """What a photograph learns from its line."""
     found: dict[str, object] = {
         "position": (xyz[0], xyz[1], xyz[2]),
         "position_sigma": standard_errors(one, defaults)[0],
         "fix": one.fix,
-        "height_kind": _kind(placed),
+        "height_kind": _kind(placed) or stated,
     }
     return found if angles is None else found | {"attitude": angles, "attitude_of": "file"}
 

@@ -10,8 +10,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.findings.position_findings import HeightsOfPositions
 from orthomill.schemas.photo import HeightKind, Photo
 from orthomill.schemas.project import ANY_CRS
-from orthomill.tasks.geometry.survey_system import survey_crs, transform_surveyed, vertical_name
-from orthomill.tasks.geometry.unfit_maps import refuse_unfit_place
+from orthomill.tasks.geometry.survey_system import refuse_unfit_place, survey_crs, transform_surveyed, vertical_name
 
 _ELLIPSOIDAL = "EPSG:4979"
 

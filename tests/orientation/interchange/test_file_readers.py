@@ -9,11 +9,12 @@ from tiny_block import block
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.cameras_json import read_block
 from orthomill.tasks.orientation.interchange.colmap import read_colmap, write_colmap
-from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, photo_name, upright_block
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, upright_block
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
 
 CRS = "EPSG:32634"
@@ -111,7 +112,7 @@ def test_a_wrong_colmap_model_is_told(cameras, images, sentence):
     [("a.JPG", "a"), ("C:\\photos\\b.tif", "b"), ("x/y/2009.05.17", "2009.05.17"), (" c.dng ", "c"), ("d.e.png", "d.e")],
 )
 def test_names_of_photographs_lose_folder_and_extension(word, name):
-    assert photo_name(word) == name
+    assert photo_stem(word) == name
 
 
 def photos(*names, size=(640, 480)):

@@ -11,6 +11,7 @@ from simulated_block import TRUE_CAMERA, two_strips
 from orthomill.schemas.camera import BrownLens, Camera, FisheyeLens, RationalLens
 from orthomill.schemas.errors import GeometryError, WorkflowError
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_quaternion import quaternion
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
@@ -20,7 +21,7 @@ from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import FromAngles, FromColmap, FromOpensfm
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
-from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, file_view, photo_name, upright_block
+from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, file_view, upright_block
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
 from orthomill.tasks.orientation.report import report
 from orthomill.tasks.orientation.results.products import block_products
@@ -121,7 +122,7 @@ def test_a_model_in_a_system_of_its_own_is_placed_by_positions(volos_like, produ
     for line in products["images.txt"].splitlines()[1:]:
         words = line.split()
         if words:
-            pose = foreign.poses[photo_name(words[9])]
+            pose = foreign.poses[photo_stem(words[9])]
             R = np.diag([1.0, -1.0, -1.0]) @ pose.rotation @ turn.T
             centre = turn @ (pose.centre - origin) / 500.0 + shift
             numbers = " ".join(repr(float(v)) for v in (*quaternion(R), *(-R @ centre)))

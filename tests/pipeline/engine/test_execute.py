@@ -113,7 +113,7 @@ def test_a_file_that_is_not_text_is_a_sentence(tmp_path):
     (tmp_path / "points.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(JobFailed) as caught:
         execute(order(tmp_path, Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})))
-    assert "is not a text file in UTF-8" in caught.value.sentence
+    assert "holds NUL bytes or other data that are no text" in caught.value.sentence
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_what_cannot_be_read_ends_the_job_with_the_same_sentence(tmp_path, strea
     files = (TextFile("good.txt"), TextFile("bad.txt"))
     with pytest.raises(JobFailed) as caught:
         run(tmp_path, joined if stream else joined_at_once, {"texts": Stream(files) if stream else files})
-    assert caught.value.sentence == f"{tmp_path / 'bad.txt'} is not a text file in UTF-8; save it as plain text."
+    assert caught.value.sentence.startswith(f"{tmp_path / 'bad.txt'} holds NUL bytes or other data that are no text;")
     record = Records(tmp_path / "run").get(("b", "job", 0, 0))
     assert record.status == "failed" and record.error == caught.value.sentence and not Store(tmp_path / "run").has_table(TOTAL)
 

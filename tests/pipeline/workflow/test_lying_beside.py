@@ -8,6 +8,7 @@ from front_door import CATALOGUE, photograph
 from orthomill.pipeline.workflow.lying_beside import look_beside
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import load_workflow
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.project import ANY_CRS
 
 LINE = "340607.768 548220.879 70.8 20 30 a.jpg\n"
@@ -91,3 +92,79 @@ def test_nothing_outside_of_the_project_is_used(root):
     (root / "gcp_list.txt").write_text(f"EPSG:2180\n{LINE}")
     top = root / "site"
     assert look_beside(top, top, set()).gcp_list is None
+
+
+def found(root, photographs=("a", "b")):
+    return look_beside(root / "site" / "photos", root, set(), photographs)
+
+
+@pytest.mark.parametrize("data", [f"EPSG:2180\n{LINE}".encode("utf-16"), f"EPSG:2180\n# Süd\n{LINE}".encode("latin-1")])
+def test_a_gcp_list_of_windows_is_used(root, data):
+    (root / "site" / "gcp_list.txt").write_bytes(data)
+    project, _ = started(root)
+    assert project.crs == "EPSG:2180" and project.control.kind == "gcp_list"
+
+
+def test_a_list_of_control_of_any_name_is_recognised_by_its_lines(root):
+    (root / "site" / "targets May.txt").write_text(f"EPSG:2180\n{LINE}{LINE}")
+    project, notes = started(root)
+    assert project.control.path == "site/targets May.txt" and "(GCP list of OpenDroneMap)" in notes
+
+
+@pytest.mark.parametrize(
+    ("points", "marks"),
+    [
+        (
+            "name;Easting;Northing;Height\nP1;340607,7;548220,8;70,8\nP2;340617,7;548220,8;70,8\n",
+            "a.JPG,P1,20,30\nb.JPG,P1,21,30\n",
+        ),
+        ("P1,340607.768,548220.879,70.8\nP2,340617.768,548220.879,70.8\n", "name,photo,col,row,sigma\nP1,a,2,3,1\n"),
+        ("#Label,X,Y,Z\nP1,340607.768,548220.879,70.8\n#end\nP2,340617.7,548220.8,70.8\n", "a.JPG,P1,20,30\nb.JPG,P2,21,30\n"),
+    ],
+)
+def test_points_and_their_marks_are_used_together(root, points, marks):
+    (root / "site" / "survey.csv").write_text(points)
+    (root / "site" / "photos" / "clicked.txt").write_text(marks)
+    beside = found(root)
+    assert (beside.points, beside.marks, beside.positions) == ("site/survey.csv", "site/photos/clicked.txt", None)
+    text = write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE).path.read_text()
+    assert "  kind: files  # found beside the photographs" in text and "measurements: site/photos/clicked.txt" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "form"),
+    [
+        ("geo.txt", "EPSG:32615\na.jpg 576682.7 5188183.7 198.6\nb.jpg 576691.9 5188193.6 198.6\n", "geo.txt of OpenDroneMap"),
+        ("pix.csv", "a.jpg,46.23,6.56,539.9\nb.jpg,46.24,6.56,529.8\n", "Pix4D geolocation"),
+        (
+            "ref.txt",
+            "#Label,Longitude,Latitude,Altitude\nA.JPG,6.56,46.23,539.9\nB.JPG,6.57,46.23,539.9\n",
+            "table with named columns",
+        ),
+        (
+            "x_Timestamp.MRK",
+            "".join(f"{n}\t1\t[2262]\t 1,N\t 2,E\t 3,V\t46.2,Lat\t6.5,Lon\t539.9,Ellh\t0.1, 0.1, 0.1\t50,Q\n" for n in (1, 2)),
+            "DJI time marks (.MRK)",
+        ),
+    ],
+)
+def test_positions_of_programs_are_used(root, name, text, form):
+    (root / "site" / name).write_text(text)
+    project, notes = started(root)
+    assert project.positions.path == f"site/{name}" and form in notes
+    assert project.crs == ("EPSG:32615" if name == "geo.txt" else "EPSG:32632"), "of the file, or the zone of its degrees"
+
+
+def test_positions_of_other_photographs_are_not_used_and_named(root):
+    (root / "site" / "gnss.csv").write_text(POSITIONS.replace("a,1", "DJI_1,1"))
+    beside = found(root)
+    assert beside.positions is None
+    assert beside.unused == (
+        "site/gnss.csv holds positions (table with named columns), but names 0 of the 2 photographs: it is not used.",
+    )
+
+
+def test_a_web_map_is_refused_where_photographs_have_places(root):
+    photograph(root / "site" / "photos" / "c.jpg", "Canon A3300", focal=5.0, gps=(-91.99, 46.84))
+    with pytest.raises(WorkflowError, match=r"1\.46\d times as large as the ground.*EPSG:32615"):
+        write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE, "EPSG:3857")

@@ -3,10 +3,11 @@
 import pytest
 from front_door import CATALOGUE, photograph
 
-from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
+from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
 
 VOLOS = (22.94, 39.36)

@@ -13,7 +13,7 @@ from pyproj import CRS, Transformer
 
 from orthomill.schemas.errors import WorkflowError, some_of
 from orthomill.schemas.findings.position_findings import HeightsOfPositions
-from orthomill.schemas.map_scale import map_scale
+from orthomill.schemas.maps.map_scale import map_scale
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.project import ANY_CRS
 from orthomill.tasks.geometry.reference_system import ground_crs, in_area_of_use

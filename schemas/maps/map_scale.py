@@ -42,16 +42,21 @@ def is_unfit(factor: float) -> bool:
     return not abs(factor - 1.0) <= LARGEST
 
 
-def utm_code(longitude: float, latitude: float) -> str:
-    """The UTM zone of a place, as an EPSG code."""
-    zone = min(int((longitude + 180.0) // 6.0) + 1, 60)
-    return f"EPSG:{(32600 if latitude >= 0 else 32700) + zone}"
+def utm_zone(longitude: float, latitude: float) -> str:
+    """The EPSG code of the UTM zone (WGS 84) of a position, e.g. "EPSG:32634", with the exceptions of Norway and Svalbard."""
+    zone = min(int((longitude + 180) // 6) + 1, 60)
+    # Zone 32 is widened to cover south-western Norway; around Svalbard only the odd zones 31 to 37 are used.
+    if 56 <= latitude < 64 and 3 <= longitude < 12:
+        zone = 32
+    if 72 <= latitude <= 84 and 0 <= longitude < 42:
+        zone = 31 + 2 * int((longitude + 3) // 12)
+    return f"EPSG:{'326' if latitude >= 0 else '327'}{zone:02d}"
 
 
 def unfit_sentence(text: str, crs: CRS, factor: float, longitude: float, latitude: float) -> str:
     """What is wrong with a system of such a scale, and what to take."""
     return (
-        f"crs: {text} ({crs.name}) is {factor:.4g} times as large as the ground at the site, so that lengths, areas and heights "
-        f"would disagree; take the UTM zone of the site, {utm_code(longitude, latitude)}, or a national grid, and project the "
+        f"{text} ({crs.name}) is {factor:.4g} times as large as the ground at the site, so that lengths, areas and heights "
+        f"would disagree; take the UTM zone of the site, {utm_zone(longitude, latitude)}, or a national grid, and project the "
         "products afterwards."
     )

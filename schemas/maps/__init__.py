@@ -1,0 +1,1 @@
+"""What PROJ knows of maps and heights, in the words of this program: scale, grids."""
