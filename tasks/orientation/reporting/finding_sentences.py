@@ -351,9 +351,11 @@ def check_measurements_apart(finding: CheckMeasurementsApart) -> str:
 
 
 def _places(misfits: tuple[Misfit, ...]) -> str:
-    return ", ".join(
-        f"{one.photo} ({one.misfit_px:.0f} px off{f', where {one.lies_on} lies' if one.lies_on else ''})" for one in misfits
-    )
+    return ", ".join(f"{one.photo} ({_off(one)}{f', where {one.lies_on} lies' if one.lies_on else ''})" for one in misfits)
+
+
+def _off(misfit: Misfit) -> str:
+    return "not where the block sees it" if misfit.misfit_px is None else f"{misfit.misfit_px:.0f} px off"
 
 
 @finding_sentence.register
