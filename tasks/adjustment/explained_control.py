@@ -11,7 +11,7 @@ import numpy as np
 from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import Progress
-from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.testing.control_explanation import MOST, explained
 from orthomill.tasks.adjustment.testing.control_in_block import as_weighted, control_in_block
 from orthomill.tasks.adjustment.testing.gross_blunders import control_misfits
@@ -36,9 +36,11 @@ def with_loose_control(now: Progress, scaled: Rays, gain: float) -> Progress:
     loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
     state, steps = minimise(loose.weighted_network, now.state, scaled, now.test.huber, gain)
     weighted, rays = as_weighted(loose.weighted_network, state, scaled, now.test.huber)
+    # Least squares to the last digit: what is left to gain would look like contradictions of the control.
+    state, more = minimise(weighted, state, rays, damping=NEAR)
     # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates.
     stated = np.where(np.isfinite(misfit)[:, None], now.network.point_weight, 0.0)
-    return _explained(replace(now, state=state, iterations=now.iterations + steps), weighted, rays, stated)
+    return _explained(replace(now, state=state, iterations=now.iterations + steps + more), weighted, rays, stated)
 
 
 def with_explained_control(now: Progress) -> Progress:
