@@ -192,6 +192,8 @@ class GroundResidual(BaseModel):
     """photographs in which it was measured (1 for a position)"""
     residual_px: float | None = None
     """root mean square of its image residuals"""
+    redundancy: tuple[float, float, float] | None = None
+    """share of an error of each coordinate that its difference shows; None where the whole of it shows"""
 
 
 class DistanceResidual(BaseModel):

@@ -298,12 +298,13 @@ class DistanceUnchecked(_Finding):
 
 
 class Misfit(BaseModel):
-    """A measurement in a photograph that does not fit; `lies_on`: the control point on which it lies instead."""
+    """A measurement in a photograph that does not fit; `misfit_px`: how far it is off (None: by more than the frame is wide);
+    `lies_on`: the control point on which it lies instead."""
 
     model_config = ConfigDict(frozen=True)
 
     photo: str
-    misfit_px: float
+    misfit_px: float | None
     # Confusing two points is a frequent blunder of manual measurement; naming the other one tells the user where to correct it.
     lies_on: str | None = None
 

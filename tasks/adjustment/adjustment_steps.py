@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtr
 
-from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_explained_control
+from orthomill.tasks.adjustment.explained_control import OTHERS, is_explained, is_group, with_explained_control
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, has_weight, without
 from orthomill.tasks.adjustment.progress import Progress
@@ -37,7 +37,7 @@ def without_surveyed_blunder(now: Progress) -> Progress:
     by blunders or by the standard errors of all of it."""
     now, found = _worst(now, tuple(SurveyedKind))
     if found is not None and found.kind == SurveyedKind.CONTROL and is_group(now):
-        now = with_explained_control(now)
+        now = now if is_explained(now) else with_explained_control(now, now.weighted_rays.take(now.used), np.inf)
         # What explains the control may leave it as it is: others can be wrong beside it.
         now, found = (now, None) if now.changed else _worst(now, OTHERS)
     if found is not None:

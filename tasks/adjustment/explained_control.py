@@ -11,11 +11,10 @@ import numpy as np
 from orthomill.tasks.adjustment.model.network import Network, Rays
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import Progress
-from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.testing.control_explanation import MOST, explained
 from orthomill.tasks.adjustment.testing.control_in_block import as_weighted, control_in_block
 from orthomill.tasks.adjustment.testing.gross_blunders import control_misfits
-from orthomill.tasks.adjustment.testing.surveyed_blunders import pointing_is_wrong
 
 FEWEST = 3
 """Control points that show anything about each other; of fewer, each is compared with the positions alone."""
@@ -28,25 +27,20 @@ def is_group(now: Progress) -> bool:
     return _count(now.first) >= FEWEST
 
 
-def with_loose_control(now: Progress, scaled: Rays, gain: float) -> Progress:
-    """The robust solution with explained control; `scaled`: the rays in the unit of their group's residuals, `gain` as in
-    `minimise`."""
-    misfit = control_misfits(now.network, now.state, scaled, now.test.gross_surveyed)
+def with_explained_control(now: Progress, rays: Rays, huber: float) -> Progress:
+    """The solution with explained control; `rays`: those that it used, with its standard errors, `huber` its limit (inf: none)."""
+    misfit = control_misfits(now.network, now.state, rays, np.inf)
     # So loose that no point exceeds its standard errors, and none has Huber's weights: the solution is linear in the coordinates.
     loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
-    state, steps = minimise(loose.weighted_network, now.state, scaled, now.test.huber, gain)
-    weighted, rays = as_weighted(loose.weighted_network, state, scaled, now.test.huber)
-    # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates.
-    stated = np.where(np.isfinite(misfit)[:, None], now.network.point_weight, 0.0)
-    return _explained(replace(now, state=state, iterations=now.iterations + steps), weighted, rays, stated)
-
-
-def with_explained_control(now: Progress) -> Progress:
-    """The plain solution with explained control; the same one where the control was explained before."""
-    if _count(now.network) == now.explained:
-        return now
-    stated = np.where(pointing_is_wrong(now.solution)[:, None], 0.0, now.network.point_weight)
-    return _explained(now, now.weighted_network, now.weighted_rays.take(now.used), stated)
+    state, steps = minimise(loose.weighted_network, now.state, rays, huber)
+    weighted, tempered = as_weighted(loose.weighted_network, state, rays, huber)
+    # Least squares to the last digit: what is left to gain would look like contradictions of the control.
+    state, more = minimise(weighted, state, tempered, damping=NEAR)
+    # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates. Only now, because control that
+    # is not loose bends the rays of its neighbours.
+    placed = np.isfinite(control_misfits(now.network, state, rays, now.test.gross_surveyed))
+    now = replace(now, state=state, iterations=now.iterations + steps + more)
+    return _explained(now, weighted, tempered, np.where(placed[:, None], now.network.point_weight, 0.0))
 
 
 def _explained(now: Progress, weighted: Network, rays: Rays, stated: np.ndarray) -> Progress:
@@ -60,6 +54,11 @@ def _explained(now: Progress, weighted: Network, rays: Rays, stated: np.ndarray)
     for i in number[found.wrong]:
         now = now.without(Blunder(SurveyedKind.CONTROL, int(i), float(size[i])))
     return now
+
+
+def is_explained(now: Progress) -> bool:
+    """Whether the present control points have been judged already."""
+    return _count(now.network) == now.explained
 
 
 def _count(network: Network) -> int:

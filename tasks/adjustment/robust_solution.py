@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_loose_control
+from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_explained_control
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.robust_weights import spread
@@ -47,7 +47,7 @@ def _without_gross_surveyed(now: Progress, scaled: Rays) -> Progress:
     """The solution without gross blunders among the surveyed observations, the worst removed first."""
     while (found := _gross_blunder(now, scaled)) is not None:
         if found.kind == SurveyedKind.CONTROL and is_group(now):
-            now = with_loose_control(now, scaled, TOLERANCES[-1])
+            now = with_explained_control(now, scaled, now.test.huber)
         else:
             now = now.without(found)
         state, steps = minimise(now.weighted_network, now.state, scaled, now.test.huber, TOLERANCES[-1])

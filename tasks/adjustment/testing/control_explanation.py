@@ -17,8 +17,8 @@ import numpy as np
 
 FACTORS = np.geomspace(1.0, 1e4, 49)
 """Factors of the standard errors that are compared; from 1 to control of a few hundred metres."""
-AS_STATED = 0.5
-"""Probability beforehand that standard errors are those stated: half of all lists have a default."""
+AS_STATED = 0.9
+"""Probability beforehand that standard errors are those stated; a block that hardly checks its control must not question them."""
 WRONG = 0.05
 """Probability beforehand that a point is wrong"""
 BLUNDERS = np.log(1e5)

@@ -15,12 +15,12 @@ from orthomill.tasks.adjustment.testing.covariances import covariance_of
 
 def control_in_block(network: Network, state: State, rays: Rays, stated: np.ndarray) -> tuple[np.ndarray, ControlEquations]:
     """The surveyed points (n,) with coordinates and rays, and what the rest of the block says of them; the `state` is the solution
-    with the weights of `network` and `rays`, and `stated` (N, 3) are the weights to judge.
+    with the weights of `network` and `rays`, and `stated` (N, 3) are the weights to judge (0: the point is left as it is).
 
     Raises GeometryError where the block is not determined.
     """
     seen = np.bincount(rays.point, minlength=len(network.point)) > 0
-    number = np.flatnonzero(network.point_weight.any(axis=1) & seen)
+    number = np.flatnonzero(network.point_weight.any(axis=1) & stated.any(axis=1) & seen)
     # Their covariance with each other is needed: they have to be unknowns of the reduced system.
     joint = replace(network, kept=np.union1d(network.kept, number))
     cofactor = covariance_of(joint, state, linearised(joint, state, rays))

@@ -185,15 +185,6 @@ def misfit_square(
     return float(along @ np.linalg.solve(spread, along)), int(tested.sum())
 
 
-def pointing_is_wrong(result: Adjustment) -> np.ndarray:
-    """(N,) bool: surveyed points whose contradiction one of their image measurements explains better than their coordinates."""
-    number, square, _ = _misfits(result, SurveyedKind.CONTROL)
-    wrong = np.zeros(len(result.network.point), bool)
-    suspects = [Blunder(SurveyedKind.CONTROL, int(i), float(s)) for i, s in zip(number, np.sqrt(square), strict=True)]
-    wrong[number] = [_pointing_is_worse(result, suspect) for suspect in suspects]
-    return wrong
-
-
 def _pointing_is_worse(result: Adjustment, blunder: Blunder) -> bool:
     """Whether one of the point's image measurements explains the contradiction better than its coordinates."""
     own = result.used & (result.rays.point == blunder.number) & surveyed(result.network, result.rays)

@@ -26,7 +26,13 @@ from orthomill.tasks.orientation.start.up_direction import TOP
 
 MEETING = 0.01
 """rad: where the rays of a control point miss each other by more, one of them belongs to another point; only its coordinates then
-place it, and show which ray is wrong."""
+place it, and show which ray is wrong. Marks that are all less good may miss by as much as they do."""
+BY_CHANCE = 4.0
+"""Rays miss by this many standard errors of a mark so rarely that one of them belongs to another point."""
+WORST_MARKS = 0.03
+"""rad: standard error of a mark from which on it is none: marks of another photograph or another size miss by a tenth."""
+FEWEST_MARKED = 3
+"""Points with two rays or more that show how good marks are."""
 DEPTHS = 2.0
 """Rays that meet this many times nearer or farther than tie points lie do so by chance, too."""
 
@@ -100,7 +106,7 @@ def known_of(
     # Tie points measured by a person have no coordinates against which a wrong ray could be found.
     surveyed = np.array([point.role == "control" for point in points], bool)
     twice = surveyed & np.isfinite(placed).all(axis=1)
-    placed[surveyed & ((missed > MEETING) | ~_at_depth(material, start, model, rays, placed))] = np.nan
+    placed[surveyed & ((missed > _meeting(rays, missed)) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
         *_positions(photos, names),
         *_coordinates(points),
@@ -111,6 +117,20 @@ def known_of(
         int(twice.sum()),
         int((twice & ~np.isfinite(placed).all(axis=1)).sum()),
     )
+
+
+def _meeting(rays: Rays, missed: np.ndarray) -> float:
+    """rad by which the rays of a point may miss each other, by how the rays of most points do; `missed` (n,) as in
+    `approximate_points`."""
+    count = np.bincount(rays.point, minlength=len(missed))
+    left = 2 * count - 3
+    known = (count >= 2) & np.isfinite(missed)
+    if known.sum() < FEWEST_MARKED:
+        return MEETING
+    # The median of chi-squared by Wilson and Hilferty: two rays have one number to spare, whose square is mostly small.
+    usual = left[known] * (1.0 - 2.0 / (9.0 * left[known])) ** 3
+    sigma = float(np.sqrt(np.median(missed[known] ** 2 * count[known] / usual)))
+    return MEETING if sigma > WORST_MARKS else max(MEETING, BY_CHANCE * sigma)
 
 
 def _model_of(start: BlockStart) -> State:

@@ -20,7 +20,7 @@ from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
+from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, worse_control, worse_marks
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 from orthomill.tasks.orientation.reporting.photographs_left_out import left_out_sentences
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
@@ -29,6 +29,8 @@ ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
 DOUBTFUL = 4.0
 """A surveyed point that misses the block by more of its predicted standard errors is doubtful."""
+CHECKED = 0.3
+"""Share of an error that its difference shows, below which a coordinate is not called wrong: others would look the same."""
 ROUNDING = 1e-9
 """m: a point without redundancy fits exactly but for rounding, and has a predicted standard error of nearly 0."""
 NAMED = 3
@@ -124,7 +126,9 @@ def _doubtful_points(facts: Facts, surveyed: list[ControlPoint], compared: dict[
 
 
 def _differs(row: GroundResidual) -> bool:
-    return any(abs(d) > DOUBTFUL * s + ROUNDING for d, s in zip(row.difference, row.predicted, strict=True))
+    checked = (True,) * 3 if row.redundancy is None else tuple(share >= CHECKED for share in row.redundancy)
+    rows = zip(row.difference, row.predicted, checked, strict=True)
+    return any(known and abs(d) > DOUBTFUL * s + ROUNDING for d, s, known in rows)
 
 
 def _one_sided(facts: Facts) -> Iterator[str]:
@@ -185,16 +189,13 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
         )
     # Control without heights is worse than anything that was stated of it, and is told as such.
     if precision.control_factor > 1.0 and not heights_missing(facts.control):
-        yield f"The ground control is worse than stated: its standard errors were enlarged {precision.control_factor:.1f} times."
+        yield worse_control(facts.control, precision.control_factor)
     # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
     if pointing > 1.0:
         # Without datum no coordinate takes part: only the measurements themselves can be wrong.
         cause = "Some may lie in the wrong place." if facts.without_datum else _WRONG_COORDINATE
-        yield (
-            "The measurements of surveyed points in the photographs fit worse than stated: their standard errors were enlarged "
-            f"{pointing:.1f} times. {cause}"
-        )
+        yield f"{worse_marks(facts.control, pointing)} {cause}"
     share = precision.rejected / max(precision.rejected + precision.rays, 1)
     if share > MANY:
         yield f"{100 * share:.0f} % of the image measurements were rejected; the tie points contain many wrong matches."

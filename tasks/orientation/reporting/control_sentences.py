@@ -1,5 +1,7 @@
 """Findings about control in words."""
 
+import numpy as np
+
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.control_findings import (
     ControlElsewhere,
@@ -16,8 +18,11 @@ from orthomill.schemas.findings.control_findings import (
     MeasurementsReduced,
     PhotographsAbsent,
 )
+from orthomill.schemas.observations import Control
 
 GEOGRAPHIC = "EPSG:4326"
+ELSEWHERE = 100.0
+"""A factor of standard errors from which on it says nothing: what was surveyed is not where the block sees it."""
 
 
 def control_sentence(finding: ControlFinding) -> str:
@@ -74,6 +79,46 @@ def control_read_sentence(read: ControlRead) -> str:
     if read.encoding == "Windows-1252":
         said.append("It is not in UTF-8 and was read as Windows-1252; check names with letters beyond A to Z.")
     return " ".join(said)
+
+
+def worse_control(control: Control, factor: float) -> str:
+    """That the coordinates of the control are `factor` times worse than stated, and what that means."""
+    stated = _median([np.sqrt(np.mean(np.square(point.sigma))) for point in control.points if point.role == "control"])
+    good = factor * stated
+    if factor >= ELSEWHERE:
+        return (
+            f"The ground control is not where the block sees it: it differs by about {_digits(good)} m, where {_digits(stated)} m "
+            "are stated. Compare its reference system and heights with those of the positions, and the names of its points."
+        )
+    return (
+        f"The ground control is worse than stated: its standard errors were enlarged {factor:.1f} times. It is good to "
+        f"{_digits(good)} m, not the {_digits(stated)} m stated, and the result is as good as the control. State its true standard "
+        "errors, or survey it more precisely."
+    )
+
+
+def worse_marks(control: Control, factor: float) -> str:
+    """That the measurements of surveyed points in the photographs are `factor` times worse than stated, and what that means."""
+    stated = _median([measured[2] for point in control.points if point.role != "check" for measured in point.measurements.values()])
+    if factor >= ELSEWHERE:
+        return (
+            "The surveyed points are not where the block sees them in the photographs: their measurements fit worse than stated by "
+            f"about {_digits(factor * stated)} px. They may be those of other photographs, another size or other points."
+        )
+    return (
+        f"The marks of the control points are good to {_digits(factor * stated)} px, not the {_digits(stated)} px stated; the "
+        f"measurements fit worse than stated, and their standard errors were enlarged {factor:.1f} times. Mark them more "
+        "precisely, or state what they are good to."
+    )
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else 1.0
+
+
+def _digits(value: float) -> str:
+    """Two digits, as a standard error has no more."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def is_grave(finding: ControlFinding) -> bool:

@@ -124,9 +124,8 @@ def block_bent(finding: BlockBent) -> str:
     if finding.scatter_m is not None:
         how.append(f"against the positions of its photographs, which scatter by only {_rounded(finding.scatter_m)} m about that")
     if finding.views_deg is not None:
-        how.append(
-            f"against the attitudes of its photographs, from which the directions of view diverge by {abs(finding.views_deg):.1f} degrees"
-        )
+        away = f"{abs(finding.views_deg):.1f} degrees"
+        how.append(f"against the attitudes of its photographs, from which the directions of view diverge by {away}")
     size, shape = f"{finding.pixels:.0f} pixels on the ground", "dome" if finding.bend_m < 0 else "bowl"
     if finding.in_metres:
         size = f"{_rounded(abs(finding.bend_m))} m over {finding.extent_m:.0f} m ({size}, a {shape})"
@@ -392,9 +391,11 @@ def check_measurements_apart(finding: CheckMeasurementsApart) -> str:
 
 
 def _places(misfits: tuple[Misfit, ...]) -> str:
-    return ", ".join(
-        f"{one.photo} ({one.misfit_px:.0f} px off{f', where {one.lies_on} lies' if one.lies_on else ''})" for one in misfits
-    )
+    return ", ".join(f"{one.photo} ({_off(one)}{f', where {one.lies_on} lies' if one.lies_on else ''})" for one in misfits)
+
+
+def _off(misfit: Misfit) -> str:
+    return "not where the block sees it" if misfit.misfit_px is None else f"{misfit.misfit_px:.0f} px off"
 
 
 @finding_sentence.register

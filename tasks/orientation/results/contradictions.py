@@ -25,7 +25,7 @@ from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Rays
-from orthomill.tasks.orientation.block.assembly import MEETING, BlockResults
+from orthomill.tasks.orientation.block.assembly import MEETING, BlockResults, Problem
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.results.block_results import rays_used
@@ -167,12 +167,18 @@ def _measurements_left_out(results: BlockResults, points: list[GroundResidual]) 
                 rejected=tuple(
                     Misfit(
                         photo=problem.names[problem.rays.photo[ray]],
-                        misfit_px=float(size[ray]),
+                        misfit_px=_within_frame(problem, int(ray), float(size[ray])),
                         lies_on=_lies_on(results, int(ray)),
                     )
                     for ray in rejected
                 ),
             )
+
+
+def _within_frame(problem: Problem, ray: int, size: float) -> float | None:
+    """A misfit in px; None beyond the diagonal of the frame, where the block does not see the point at all."""
+    camera = problem.cameras[problem.camera_of[problem.rays.photo[ray]]]
+    return size if size < float(np.hypot(camera.width, camera.height)) else None
 
 
 def _lies_on(results: BlockResults, ray: int) -> str | None:
@@ -204,7 +210,11 @@ def _check_measurements(results: BlockResults, control: Control) -> Iterator[Che
                 point=point.name,
                 measured=int(own.sum()),
                 apart=tuple(
-                    Misfit(photo=results.problem.names[rays.photo[ray]], misfit_px=float(size[ray])) for ray in np.flatnonzero(off)
+                    Misfit(
+                        photo=results.problem.names[rays.photo[ray]],
+                        misfit_px=_within_frame(replace(results.problem, rays=rays), int(ray), float(size[ray])),
+                    )
+                    for ray in np.flatnonzero(off)
                 ),
             )
 

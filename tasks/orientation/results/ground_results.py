@@ -37,7 +37,9 @@ def control_rows(results: BlockResults) -> list[GroundResidual]:
         difference = result.state.point[number] + results.datum.origin - known.control[i]
         spread, white = (np.diag(r.point_covariance[number]) for r in (result, computed))
         variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
-        rows.append(_residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own]))
+        row = _residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own])
+        x, y, z = map(float, np.clip(1.0 - weight * white, 0.0, 1.0))
+        rows.append(row.model_copy(update={"redundancy": (x, y, z)}) if took_part else row)
     return rows
 
 

@@ -1,0 +1,33 @@
+"""Bad control is one factor, a blunder is a blunder: in blocks of small size, over several seeds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_network import more_control, small_network, surveyed_noise
+
+from orthomill.tasks.adjustment.bundle import adjust
+
+
+def adjusted(points, seed, factor=1.0, blunder=0.0, gnss=3.0):
+    """The wrong point, and the adjustment of a block whose control has errors of `factor` standard errors and one `blunder` (m)."""
+    rng = np.random.default_rng(seed)
+    network, state, rays = small_network(seed, photos=6, points=60, noise=1.0)
+    weight = np.full_like(network.centre_weight, 1 / gnss**2)
+    network = replace(more_control(network, points), shift=False, centre_weight=weight)
+    network = surveyed_noise(network, rng, control=factor)
+    point, wrong, away = network.point.copy(), int(rng.integers(points)), rng.standard_normal(3)
+    point[wrong] += blunder * away / np.linalg.norm(away)
+    return wrong, adjust(replace(network, point=point), state, rays)
+
+
+@pytest.mark.parametrize(("points", "seed"), [(5, 0), (5, 1), (5, 2), (8, 0), (8, 1)])
+def test_control_that_is_all_bad_keeps_its_points_and_gets_one_factor(points, seed):
+    _, result = adjusted(points, seed, factor=25.0)
+    assert result.blunders == () and 25 / 2 < result.factors.control < 25 * 2
+
+
+@pytest.mark.parametrize(("points", "size", "seed"), [(4, 3.0, 0), (5, 3.0, 0), (5, 3.0, 1), (5, 0.5, 2), (8, 3.0, 3)])
+def test_one_blunder_among_good_control_is_named_and_the_others_keep_their_standard_errors(points, size, seed):
+    wrong, result = adjusted(points, seed, blunder=size)
+    assert [blunder.number for blunder in result.blunders] == [wrong] and result.factors.control == 1.0
