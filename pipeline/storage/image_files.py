@@ -22,6 +22,7 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window as GdalWindow
 
+from orthomill.pipeline.storage.jpeg_scan import Broken, Fault, broken_jpeg
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.project import PhotoFiles
@@ -132,6 +133,9 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
                 f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} is not inside it; "
                 "the file has changed since it was first read, so run again."
             )
+        # Once for each photograph: one of its windows begins with its first row.
+        if window.row == 0 and dataset.driver == "JPEG":
+            _check_jpeg_picture(path)
         try:
             return _decoded(dataset, window, bands)
         except RasterioError as error:
@@ -303,6 +307,32 @@ def _check_jpeg_end(path: Path) -> None:
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if content.rfind(b"\xff\xd9", _first_scan(content)) < 0:
             raise PhotoError(_truncated(path, "the end-of-image marker of a JPEG is missing"))
+
+
+_FAULTS = {
+    Fault.NO_SUCH_CODE: "codes that the file does not define",
+    Fault.BEYOND_BLOCK: "more values in a block than it has pixels",
+    Fault.IMPOSSIBLE_GREY: "brightness that no pixels have",
+    Fault.ENDS_EARLY: "too few data for its size",
+    Fault.DATA_LEFT: "more data than its size takes",
+    Fault.OUT_OF_TURN: "restart markers out of turn",
+}
+
+
+def _check_jpeg_picture(path: Path) -> None:
+    """The codes of a JPEG make sense from the first to the last."""
+    # Decoders go on behind damage with a picture that is displaced and recoloured: matched, it would be a wrong surface.
+    broken = broken_jpeg(path.read_bytes())
+    if broken:
+        raise PhotoError(_damaged_picture(path, broken))
+
+
+def _damaged_picture(path: Path, broken: Broken) -> str:
+    where = f"at {100 * broken.share:.0f} % of its height or before" if broken.share < 1 else "somewhere"
+    return (
+        f"The picture in {shown(path)} is damaged {where}: it holds {_FAULTS[broken.fault]}; copy the file again from the camera, "
+        "or leave it out of the photographs."
+    )
 
 
 def _first_scan(content: mmap.mmap) -> int:

@@ -81,7 +81,7 @@ def test_a_truncated_jpeg_is_found_without_decoding(tmp_path):
     path = photograph(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes()[:-300])
     assert "is truncated" in refusal(path) and "copy it again" in refusal(path)
-    assert "cannot be decoded in the rows 0 to 47" in refusal(path, WHOLE)
+    assert "it holds too few data for its size" in refusal(path, WHOLE)
 
 
 def test_the_end_marker_of_a_thumbnail_does_not_count(tmp_path):
@@ -107,7 +107,7 @@ def test_a_jpeg_with_a_hole_is_refused_when_it_is_read(tmp_path):
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2] + b"\xff\xd9")
     assert read_header(path).width == 512
-    assert "cannot be decoded" in refusal(path, Window(0, 0, 48, 512))
+    assert "is damaged at 48 % of its height or before" in refusal(path, Window(0, 0, 48, 512))
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
