@@ -5,7 +5,6 @@ is it of a sensible size and kind. Every refusal names the file and says what to
 no sidecar file is read. EXIF tags are passed on as text under their plain names ("FocalLength", "GPSLatitude"), uninterpreted.
 """
 
-import fnmatch
 import mmap
 import os
 import re
@@ -22,13 +21,11 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window as GdalWindow
 
-from orthomill.pipeline.storage.jpeg_scan import Broken, Fault, broken_jpeg
-from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.pipeline.storage.photographs.jpeg_scan import Broken, Fault, broken_jpeg
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Decoding, Header
-from orthomill.schemas.project import PhotoFiles
 from orthomill.schemas.raster import Window
 
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
 PIXEL_LIMIT = 2_000_000_000
 """Larger images are refused before any of their pixels are decoded: a PNG of a few bytes can claim terabytes."""
 _SIGNATURES = {
@@ -59,43 +56,6 @@ _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _LARGE_BLOCK = 1024
 """rows of a block of a TIFF beyond which tiles would decode it many times"""
 _GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
-
-
-def is_image_name(name: str) -> bool:
-    """Whether a file is named like an image. Hidden files (`._DJI_0001.JPG` of macOS) are not."""
-    return Path(name).suffix.lower() in IMAGE_SUFFIXES and not Path(name).name.startswith(".")
-
-
-def image_files(root: Path, source: PhotoFiles) -> tuple[str, ...]:
-    """The image files of a folder or a list, relative to `root`, sorted by name. Raises WorkflowError when there are none."""
-    if source.kind == "list":
-        return tuple(sorted(source.paths))
-    folder = root / source.path
-    try:
-        names = sorted(_readable(entry) for entry in folder.iterdir() if is_image_name(entry.name) and entry.is_file())
-    except OSError as error:
-        raise WorkflowError(f"The folder {source.path} cannot be read ({error.strerror}); correct its path.") from error
-    chosen = [name for name in names if fnmatch.fnmatchcase(name, source.pattern)]
-    if not chosen:
-        raise WorkflowError(_no_images(source.path, source.pattern, len(names)))
-    return tuple((Path(source.path) / name).as_posix() for name in chosen)
-
-
-def _readable(path: Path) -> str:
-    """The name of a file. Raises WorkflowError when it is not text: no table could hold it."""
-    try:
-        path.name.encode()
-    except UnicodeEncodeError:
-        raise WorkflowError(
-            f"The photograph {shown(path)} has a name that is not UTF-8 text; rename it with letters that this system can show."
-        ) from None
-    return path.name
-
-
-def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
-    if without_pattern:
-        return f"None of the {without_pattern} images in {folder} matches the pattern '{pattern}'; the pattern '*' matches all."
-    return f"The folder {folder} contains no JPEG, TIFF or PNG images; put the photographs there or correct the path."
 
 
 def read_header(path: Path) -> Header:

@@ -23,8 +23,11 @@ from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.pair_names import refuse_ambiguous
 from orthomill.tasks.photos.positions import Position, read_positions
+from orthomill.tasks.photos.rolling_shutter import readout_s, stated_speed
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
+from orthomill.tasks.photos.sorting.photograph_names import named_apart
+from orthomill.tasks.photos.sorting.set_aside import without_others
 
 _DIGITAL = Digital(kind="digital")
 _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continents
@@ -80,6 +83,8 @@ def photo_from_header(header: Header) -> Photo:
         altitude=exif.altitude(tags),
         time=exif.time(tags),
         attitude=exif.gimbal_attitude(tags),
+        readout_s=readout_s(tags, header.height),
+        speed=stated_speed(tags),
         levels=level_count((rows, cols)),
     )
 
@@ -111,13 +116,14 @@ def index_photos(
     every photograph that cannot be used, WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
+    headers, aside = without_others(headers)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
     if refusals:
         raise PhotoError(" ".join(refusals))
-    photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
+    photos, remarks = _without_duplicates(named_apart([photo_from_header(header) for header in headers]))
     refuse_ambiguous([photo.name for photo in photos])
     photos = _with_sensors(photos)
-    remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
+    remarks += [*aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions)]
     photos, about_positions = _placed(photos, crs, positions, positions_text or "")
     remarks += [*about_positions, *_far_apart(photos)]
     fitted = _fitted(photos, coordinates, scan_texts)

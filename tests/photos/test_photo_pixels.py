@@ -9,7 +9,7 @@ from PIL import Image, ImageOps
 from orthomill.pipeline.engine.graph import check_memory
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.storage.image_files import image_files
+from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import Project

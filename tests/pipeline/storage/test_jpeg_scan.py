@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
-from orthomill.pipeline.storage.jpeg_scan import Fault, _segments, broken_jpeg
+from orthomill.pipeline.storage.photographs.jpeg_scan import Fault, _segments, broken_jpeg
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.raster import Window
 

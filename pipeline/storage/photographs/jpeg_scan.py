@@ -43,7 +43,7 @@ class Broken:
 
 
 @dataclass
-class _Frame:
+class _Definitions:
     """What the segments before a scan define. Tables are kept by class (0: DC, 1: AC) and number, as the file names them."""
 
     width: int = 0
@@ -60,7 +60,7 @@ class _Frame:
 def broken_jpeg(content: bytes) -> Broken | None:
     """The first fault of the picture of a JPEG file; None for a sound one, and for kinds that are not followed here (progressive,
     arithmetic, 12 bits). A file whose segments cannot be read is left to the decoder."""
-    frame, data = _Frame(), np.frombuffer(content, np.uint8)
+    frame, data = _Definitions(), np.frombuffer(content, np.uint8)
     for marker, body, end in _segments(content):
         if marker in _FRAMES and not _read_frame(frame, marker, body):
             return None
@@ -91,7 +91,7 @@ def _segments(content: bytes) -> Iterator[tuple[int, bytes, int]]:
         at = end
 
 
-def _read_frame(frame: _Frame, marker: int, body: bytes) -> bool:
+def _read_frame(frame: _Definitions, marker: int, body: bytes) -> bool:
     """Whether the frame is of a kind that is followed."""
     if marker not in SEQUENTIAL or len(body) < 6 or body[0] != 8:
         return False
@@ -102,7 +102,7 @@ def _read_frame(frame: _Frame, marker: int, body: bytes) -> bool:
     return frame.height > 0 and all(h and v for h, v, _ in frame.components.values())
 
 
-def _read_codes(frame: _Frame, body: bytes) -> None:
+def _read_codes(frame: _Definitions, body: bytes) -> None:
     while len(body) > _LONGEST:
         number, lengths = body[0], body[1 : 1 + _LONGEST]
         symbols = body[1 + _LONGEST : 1 + _LONGEST + sum(lengths)]
@@ -122,14 +122,14 @@ def _lookup(lengths: bytes, symbols: bytes) -> np.ndarray:
     return table
 
 
-def _read_steps(frame: _Frame, body: bytes) -> None:
+def _read_steps(frame: _Definitions, body: bytes) -> None:
     while len(body) > 64:
         wide, number = body[0] >> 4, body[0] & 15
         frame.steps[number] = int.from_bytes(body[1 : 3 if wide else 2], "big")
         body = body[129 if wide else 65 :]
 
 
-def _broken_scan(frame: _Frame, body: bytes, data: np.ndarray, start: int) -> Broken | None:
+def _broken_scan(frame: _Definitions, body: bytes, data: np.ndarray, start: int) -> Broken | None:
     used = [(body[1 + 2 * i], body[2 + 2 * i]) for i in range(body[0])] if body and len(body) > 2 * body[0] else []
     known = [(frame.components[name], tables) for name, tables in used if name in frame.components]
     codes = [frame.codes.get(number) for _, tables in known for number in (tables >> 4, 16 | (tables & 15))]
@@ -147,7 +147,7 @@ def _blocks(component: tuple[int, int, int], known: list) -> int:
     return component[0] * component[1] if len(known) > 1 else 1
 
 
-def _units(frame: _Frame, scanned: list[tuple[int, int, int]]) -> int:
+def _units(frame: _Definitions, scanned: list[tuple[int, int, int]]) -> int:
     """Number of units (MCU) in a scan (T.81, A.2)."""
     most_h, most_v = (max(one[axis] for one in frame.components.values()) for axis in (0, 1))
     if len(scanned) > 1:
