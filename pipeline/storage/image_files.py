@@ -11,7 +11,7 @@ import re
 import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +19,11 @@ import rasterio
 from rasterio._err import CPLE_BaseError
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.io import MemoryFile
 from rasterio.windows import Window as GdalWindow
 
 from orthomill.pipeline.storage.photographs.jpeg_scan import Broken, Fault, broken_jpeg
+from orthomill.pipeline.storage.photographs.other_formats import Other, other_format, read_other_header, read_other_pixels
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.raster import Window
@@ -53,6 +55,8 @@ _PIECE = 128
 
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 """Start-of-frame markers of progressive JPEG (ISO/IEC 10918-1, table B.1)."""
+_PAGES = 64
+"""pages of a TIFF that are looked at"""
 _LARGE_BLOCK = 1024
 """rows of a block of a TIFF beyond which tiles would decode it many times"""
 _GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\d+(?:\.\d+)?)")
@@ -60,6 +64,9 @@ _GIMBAL = re.compile(r"(Gimbal(?:Yaw|Pitch|Roll)Degree)\s*(?:=\s*\"|>)\s*([-+]?\
 
 def read_header(path: Path) -> Header:
     """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for anything but a complete photograph."""
+    other = other_format(path, _first_bytes(path))
+    if other:
+        return _other_header(path, other)
     with _opened(path) as dataset:
         damaged = _has_damaged_tags(dataset)
         _check_size(path, dataset)
@@ -79,24 +86,55 @@ def read_header(path: Path) -> Header:
         )
 
 
+def _other_header(path: Path, other: Other) -> Header:
+    """The header of a HEIC or raw photograph; the tags are read from what carries them."""
+    found = read_other_header(path, shown(path), other)
+    if found.width * found.height > PIXEL_LIMIT:
+        raise PhotoError(_too_large(path, found.width, found.height))
+    with rasterio.Env(**_GDAL), _tagged(path, found.tag_carrier) as dataset:
+        tags = {} if dataset is None or _has_damaged_tags(dataset) else _tags(dataset)
+    if other == "heif":
+        tags.pop("Orientation", None)  # HEIC states its rotation itself, and arrives upright
+    size = {"width": found.width, "height": found.height}
+    return Header(path=str(path), **size, bands=3, dtype=found.dtype, decoding="at_once", tags=tags)
+
+
+@contextmanager
+def _tagged(path: Path, carrier: bytes | None) -> Iterator[rasterio.DatasetReader | None]:
+    """What carries the tags of a photograph, for reading them; None where nothing can be opened."""
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            if carrier:
+                dataset = stack.enter_context(stack.enter_context(MemoryFile(carrier)).open(driver="JPEG"))
+            else:
+                dataset = stack.enter_context(rasterio.open(Path(path).absolute(), driver="GTiff"))
+        except (RasterioError, CPLE_BaseError):
+            dataset = None
+        yield dataset
+
+
 def read_pixels(path: Path, window: Window) -> np.ndarray:
     """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not applied here.
 
-    An alpha band is left out. Raises PhotoError when the file is not an image, or ends inside the window.
+    An alpha band is left out. Raises PhotoError when the file is not an image, ends inside the window, or has pixels there that its
+    alpha band masks.
     """
+    other = other_format(path, _first_bytes(path))
+    if other:
+        pixels = read_other_pixels(path, shown(path), other)
+        _check_window(path, window, pixels.shape[:2])
+        return pixels[window.row : window.row + window.height, window.col : window.col + window.width]
     with _reading(path) as dataset:
         _has_damaged_tags(dataset)
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
-        if window.clipped(dataset.shape) != window or window.empty:
-            raise PhotoError(
-                f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} is not inside it; "
-                "the file has changed since it was first read, so run again."
-            )
+        _check_window(path, window, dataset.shape)
         # Once for each photograph: one of its windows begins with its first row.
         if window.row == 0 and dataset.driver == "JPEG":
             _check_jpeg_picture(path)
         try:
+            _check_mask(path, dataset, window)
             return _decoded(dataset, window, bands)
         except RasterioError as error:
             rows = f"{window.row} to {window.row + window.height - 1}"
@@ -104,6 +142,29 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
                 f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
+
+
+def _check_window(path: Path, window: Window, shape: tuple[int, int]) -> None:
+    if window.clipped(shape) != window or window.empty:
+        raise PhotoError(
+            f"{shown(path)} has {shape[1]} x {shape[0]} px, and {window} is not inside it; "
+            "the file has changed since it was first read, so run again."
+        )
+
+
+def _check_mask(path: Path, dataset: rasterio.DatasetReader, window: Window) -> None:
+    """No pixel is masked by an alpha band."""
+    # Masked pixels are no picture; without a mask in every stage they would be matched and would colour the orthoimage.
+    if ColorInterp.alpha not in dataset.colorinterp:
+        return
+    band = dataset.colorinterp.index(ColorInterp.alpha) + 1
+    alpha = dataset.read(band, window=GdalWindow(window.col, window.row, window.width, window.height))
+    if masked := float((alpha == 0).mean()):
+        raise PhotoError(
+            f"{shown(path)} masks {100 * masked:.2g} % of its pixels in the rows {window.row} to {window.row + window.height - 1} "
+            "by its alpha channel, and masked pixels cannot be kept out of the matching; cut the photograph to what is seen in it, or "
+            "save it without alpha if these pixels are good."
+        )
 
 
 def _decoded(dataset: rasterio.DatasetReader, window: Window, bands: int) -> np.ndarray:
@@ -164,12 +225,23 @@ def _open(path: Path) -> rasterio.DatasetReader:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         try:
-            return rasterio.open(Path(path).absolute(), driver=driver)
+            return _largest_page(rasterio.open(Path(path).absolute(), driver=driver))
         except (RasterioError, CPLE_BaseError) as error:
             raise PhotoError(
                 f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
+
+
+def _largest_page(dataset: rasterio.DatasetReader) -> rasterio.DatasetReader:
+    """The page of a TIFF with the most pixels: some programs put a preview first."""
+    largest = dataset
+    for name in dataset.subdatasets[:_PAGES] if dataset.driver == "GTiff" else ():
+        page = rasterio.open(name, driver="GTiff")
+        smaller = page if page.width * page.height <= largest.width * largest.height else largest
+        largest = largest if smaller is page else page
+        smaller.close()
+    return largest
 
 
 def _decoding(path: Path, dataset: rasterio.DatasetReader) -> Decoding:
@@ -225,12 +297,15 @@ def _is_text(start: bytes) -> bool:
 
 
 def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
-    pixels = dataset.width * dataset.height
-    if pixels > PIXEL_LIMIT:
-        raise PhotoError(
-            f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; "
-            f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
-        )
+    if dataset.width * dataset.height > PIXEL_LIMIT:
+        raise PhotoError(_too_large(path, dataset.width, dataset.height))
+
+
+def _too_large(path: Path, width: int, height: int) -> str:
+    return (
+        f"{shown(path)} claims {width} x {height} px, which is {width * height / 1e9:.1f} gigapixels; "
+        f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
+    )
 
 
 def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:

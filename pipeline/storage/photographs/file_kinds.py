@@ -1,6 +1,6 @@
 """What a file beside photographs is, by its name: a photograph that can be read, or one of the kinds that are counted and left out.
 
-HEIC and raw photographs are read where the libraries of the extra `formats` are installed (pillow-heif with libheif, rawpy with
+HEIC and raw photographs are read where the libraries of the extra `formats` are installed (pi-heif with libheif, rawpy with
 LibRaw).
 """
 
@@ -59,7 +59,7 @@ SPEECH: dict[Kind, tuple[str, str, str]] = {
 @cache
 def readable_suffixes() -> frozenset[str]:
     """Endings of the photographs that this installation reads, in small letters."""
-    heif = HEIF_SUFFIXES if find_spec("pillow_heif") else frozenset()
+    heif = HEIF_SUFFIXES if find_spec("pi_heif") else frozenset()
     raw = RAW_SUFFIXES if find_spec("rawpy") else frozenset()
     return DEVELOPED_SUFFIXES | heif | raw
 
