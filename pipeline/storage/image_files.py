@@ -162,8 +162,8 @@ def _check_mask(path: Path, dataset: rasterio.DatasetReader, window: Window) -> 
     if masked := float((alpha == 0).mean()):
         raise PhotoError(
             f"{shown(path)} masks {100 * masked:.2g} % of its pixels in the rows {window.row} to {window.row + window.height - 1} "
-            "by its alpha channel, and masked pixels cannot be kept out of the matching; cut the photograph to what is seen in it, or "
-            "save it without alpha if these pixels are good."
+            "by its alpha channel, and masked pixels cannot be kept out of the matching; cut the photograph to what is seen in it, "
+            "or save it without alpha if these pixels are good."
         )
 
 

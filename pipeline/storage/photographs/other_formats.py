@@ -1,8 +1,9 @@
 """HEIC and raw photographs, read by the libraries of the extra `formats`: whole, for neither can be had in parts.
 
 pi-heif (BSD-3; its wheel carries libheif and libde265, LGPL-3, and unlike that of pillow-heif no encoder under the GPL) and rawpy
-(MIT; its wheel carries LibRaw, LGPL-2.1 or CDDL-1.0) are installed only by those who want them. HEIC arrives upright with 8 bits. Raw photographs are developed with the camera's white
-balance and without automatic brightening, so that neighbours stay comparable, to 16 bits in the orientation of the sensor.
+(MIT; its wheel carries LibRaw, LGPL-2.1 or CDDL-1.0) are installed only by those who want them. HEIC arrives upright with 8 bits.
+Raw photographs are developed with the camera's white balance and without automatic brightening, so that neighbours stay comparable,
+to 16 bits in the orientation of the sensor.
 """
 
 import io
