@@ -14,7 +14,7 @@ def found_lines(survey: Survey, look: FirstLook) -> Iterator[str]:
     used = [header for header in survey.headers if header.path in set(look.used)]
     aside = len(survey.headers) - len(used)
     more = f"; {aside} more set aside" if aside else ""
-    yield f"Photographs: {len(used)} {_several(Counter(map(_kind, used)))}{_folders(survey)}{more}."
+    yield f"Photographs: {_several(Counter(map(_kind, used)))}{_folders(survey)}{more}."
     if survey.linked:
         yield f"{survey.folder} in this project is now a link to {survey.linked}, which is only read."
     yield from survey.left_out
@@ -30,9 +30,8 @@ def _kind(header: Header) -> str:
 
 
 def _several(kinds: Counter[str]) -> str:
-    if len(kinds) == 1:
-        return next(iter(kinds))
-    return ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
+    each = [f"{number} {kind}" for kind, number in kinds.most_common()]
+    return each[0] if len(each) == 1 else f"{kinds.total()}: {', '.join(each)}"
 
 
 def _folders(survey: Survey) -> str:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
 
-COLOUR, THERMAL, PANCHROMATIC = "colour", "thermal", "Panchromatic"
+COLOUR, THERMAL = "colour", "thermal"
 _GREEN = 560.0
 """nm: where sensors and vegetation give the best contrast of the visible bands; the nearest band makes the block"""
 _WAVELENGTHS = {"blue": 475.0, "green": 560.0, "red": 665.0, "red edge": 720.0, "near infrared": 840.0}
@@ -69,7 +69,7 @@ def _best(headers: tuple[Header, ...], kinds: tuple[str, ...], count: Counter[st
 
 def _from_green(tags: Mapping[str, str], band: str) -> float:
     if band.lower().startswith("pan"):
-        return 0.0
+        return -1.0
     stated = _number(_tag(tags, "CentralWavelength"))
     return abs((stated or _WAVELENGTHS.get(band.lower(), 10_000.0)) - _GREEN)
 
