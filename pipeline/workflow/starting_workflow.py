@@ -8,7 +8,7 @@ in order with their first settings commented out, so that a newcomer sees what c
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orthomill.pipeline.storage.image_files import shown
@@ -63,7 +63,9 @@ def write_starting_workflow(
         raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
     survey = survey_photographs(photos, root)
     seen = look(survey.headers, crs or survey.beside.projected or survey.utm)
-    text = starting_text(name, survey, catalogue, crs)
+    # What is set aside says nothing of the cameras and places of the block.
+    block = replace(survey, headers=tuple(header for header in survey.headers if header.path in set(seen.used)))
+    text = starting_text(name, block, catalogue, crs)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # "x": whatever has appeared under this name since the check is not overwritten either.
@@ -71,7 +73,7 @@ def write_starting_workflow(
             file.write(text)
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
-    return StartingWorkflow(path, survey, seen, tuple(_notes(name, survey, crs)))
+    return StartingWorkflow(path, survey, seen, tuple(_notes(name, block, crs)))
 
 
 def _check_name(name: str) -> None:
