@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orthomill.pipeline.storage.image_files import read_header
-from orthomill.pipeline.workflow.starting_workflow import Survey
+from orthomill.pipeline.workflow.photograph_survey import Survey
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.observations import GROUND_POINTS, IMAGE_RESIDUALS, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import (
@@ -28,6 +28,7 @@ from orthomill.schemas.project import (
     CameraSource,
     ControlSource,
     NoControl,
+    PhotoFolder,
     Positions,
     PositionsFromExif,
     Project,
@@ -106,7 +107,7 @@ def _oriented(project: Project, stages: tuple[Stage, ...], progress: Progress | 
 
 def _crs_of(paths: tuple[str, ...]) -> str:
     """The reference system that a starting workflow would propose, from the GPS tags."""
-    return Survey("", tuple(read_header(Path(path)) for path in paths)).utm or ANY_CRS
+    return Survey(PhotoFolder(kind="folder", path=""), tuple(read_header(Path(path)) for path in paths)).utm or ANY_CRS
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.records.records import Record
-from orthomill.pipeline.storage.image_files import is_image_name
+from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, PhotoError
 from orthomill.schemas.job import Export, Job, Raster, Table

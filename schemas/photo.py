@@ -111,6 +111,10 @@ class Photo(BaseModel):
     """Its distortion was removed in the camera."""
     zoom: float = 1.0
     """Digital zoom: how many times the camera constant in pixels was enlarged."""
+    readout_s: float | None = None
+    """Time between the exposures of the first and the last row of the sensor (rolling shutter), where it is known."""
+    speed: float | None = None
+    """m/s over the ground, by the tags"""
     band: str | None = None
     """Name of the spectral band of a multispectral camera; None for colour and ordinary grey photographs."""
     # Affine and not a similarity: film shrinks differently along and across, and scanners have two scales.
@@ -156,6 +160,13 @@ class PhotoRemarkCode(StrEnum):
     """Lines of the positions file name photographs that the project does not have."""
     POSITIONS_FAR_APART = "positions_far_apart"
     """`photos` lie at least `distance_km` from all others, too far for one block; their positions are used all the same."""
+    OTHER_BANDS = "other_bands"
+    """Files of single bands of a multispectral camera, or thermal ones, are set aside; `words` are the bands, that of the block
+    last."""
+    THERMAL = "thermal"
+    """The block is of thermal pictures: of their colours, not of temperatures."""
+    PANORAMA = "panorama"
+    """Panoramas, which no frame camera took in one exposure, are set aside; `words` is the projection."""
     ROTATED_WITHOUT_FLAG = "rotated_without_flag"
     """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
     OWN_PRECISION = "own_precision"
@@ -189,6 +200,8 @@ class PhotoRemark(BaseModel):
     photos: tuple[str, ...]
     distance_km: float | None = None
     detail: str = ""
+    words: tuple[str, ...] = ()
+    """what else the sentence names"""
 
 
 class Photos(BaseModel):

@@ -16,10 +16,13 @@ ANY_CRS = "EPSG:3857"
 
 
 class PhotoFolder(Settings):
-    """All JPEG, TIFF and PNG images of a folder."""
+    """All JPEG, TIFF and PNG images of a folder (HEIC and raw ones with the extra `formats`)."""
 
     kind: Literal["folder"]
     path: str = setting(..., "Folder with the photographs, relative to the project's root.")
+    folders: Literal["none", "card", "all"] = setting(
+        "none", "Which folders below it are looked into: none; those that cameras make on cards (DCIM, 100MEDIA, ...); or all."
+    )
     pattern: str = setting("*", "Only files whose name matches this shell pattern.")
 
 

@@ -40,8 +40,8 @@ def page(rows: list[Judged], seconds: float) -> str:
         f"camera, and above {SEEN:.0f} ground pixel. Standard error of c: share of flights within 2.",
         "",
         "| flights | number | bent more than stated (5 % wanted) | by the stated precision of the shape | domed | named, "
-        "of the domed (95 % wanted) | false alarms, of the others (1 % wanted) | median bend, ground pixels | 95 % of bends below | c within 2 "
-        "standard errors | photographs lost |",
+        "of the domed (95 % wanted) | false alarms, of the others (1 % wanted) | median bend, ground pixels | 95 % of bends below "
+        "| c within 2 standard errors | photographs lost |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         _line("**all**", rows, domed),
         *(_line(name, own, domed) for _, key in groups for name, own in _grouped(rows, key)),

@@ -22,7 +22,8 @@ from orthomill.pipeline.storage.image_files import shown
 from orthomill.pipeline.storage.mesh_files import MESH_SUFFIXES
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes
-from orthomill.pipeline.workflow.starting_workflow import Survey, starting_text, survey_folder
+from orthomill.pipeline.workflow.photograph_survey import Survey, survey_folder
+from orthomill.pipeline.workflow.starting_workflow import starting_text
 from orthomill.pipeline.workflow.workflow_checks import check_crs, kind_of
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow
 from orthomill.pipeline.workflow.workflow_text import workflow_text

@@ -50,12 +50,13 @@ from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Signer
 from orthomill.pipeline.watching.live_map import MAP
+from orthomill.pipeline.workflow.found_lines import found_lines
 from orthomill.pipeline.workflow.settings_reference import write_settings_reference
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
-from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
+from orthomill.tasks.catalogue import STAGES, Method, first_look, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
@@ -388,8 +389,8 @@ def init(
 ) -> None:
     """Write a commented starting workflow from the photographs' EXIF."""
     with plain_errors(debug):
-        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs)
-        for note in start.notes:
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, first_look)
+        for note in (*found_lines(start.survey, start.look), *start.notes):
             out.print(escape(note), soft_wrap=True)
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
 

@@ -12,6 +12,7 @@ from orthomill.pipeline.engine.execute import read_all, read_file, results_by_na
 from orthomill.pipeline.engine.graph import NoWriter, PlannedJob
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.image_files import read_header
+from orthomill.pipeline.storage.photographs.folder_listing import left_out_lines, list_folder, with_those_below
 from orthomill.schemas.errors import OrthomillError, WorkflowError, first_of
 from orthomill.schemas.job import Job, PhotoHeader, Raster, Region, Table, TextFile, regions_of
 from orthomill.schemas.stage_contract import NotYet, Stage
@@ -38,9 +39,17 @@ class Foresight:
             raise WorkflowError(first_of(self.mistakes))
 
     def remarks(self) -> tuple[str, ...]:
-        """What the stages notice in the files, as sentences."""
+        """What is left out of the folder of photographs, and what the stages notice in the files, as sentences."""
         with self._session.planner.expecting(self.tables):
-            return tuple(sentence for stage in self._session.stages for sentence in self._remarks_of(stage))
+            noticed = tuple(sentence for stage in self._session.stages for sentence in self._remarks_of(stage))
+        return *self._left_out(), *noticed
+
+    def _left_out(self) -> tuple[str, ...]:
+        source, root = self._session.project.photographs, self._session.root
+        # With a pattern, what is left out is the user's own choice.
+        if source.kind != "folder" or source.pattern != "*":
+            return ()
+        return tuple(left_out_lines(with_those_below(root, source, list_folder(root, source))))
 
     def _remarks_of(self, stage: Stage) -> Iterator[str]:
         try:

@@ -5,13 +5,12 @@ is it of a sensible size and kind. Every refusal names the file and says what to
 no sidecar file is read. Tags are passed on as text, uninterpreted (image_tags.py).
 """
 
-import fnmatch
 import mmap
 import os
 import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +18,16 @@ import rasterio
 from rasterio._err import CPLE_BaseError
 from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
+from rasterio.io import MemoryFile
 from rasterio.windows import Window as GdalWindow
 
-from orthomill.pipeline.storage.tags.image_tags import image_tags
-from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.pipeline.storage.photographs.jpeg_scan import Broken, Fault, broken_jpeg
+from orthomill.pipeline.storage.photographs.other_formats import Other, other_format, read_other_header, read_other_pixels
+from orthomill.pipeline.storage.tags.image_tags import carried_tags, image_tags
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Decoding, Header
-from orthomill.schemas.project import PhotoFiles
 from orthomill.schemas.raster import Window
 
-IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
 PIXEL_LIMIT = 2_000_000_000
 """Larger images are refused before any of their pixels are decoded: a PNG of a few bytes can claim terabytes."""
 _SIGNATURES = {
@@ -55,49 +55,17 @@ _PIECE = 128
 
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 """Start-of-frame markers of progressive JPEG (ISO/IEC 10918-1, table B.1)."""
+_PAGES = 64
+"""pages of a TIFF that are looked at"""
 _LARGE_BLOCK = 1024
 """rows of a block of a TIFF beyond which tiles would decode it many times"""
 
 
-def is_image_name(name: str) -> bool:
-    """Whether a file is named like an image. Hidden files (`._DJI_0001.JPG` of macOS) are not."""
-    return Path(name).suffix.lower() in IMAGE_SUFFIXES and not Path(name).name.startswith(".")
-
-
-def image_files(root: Path, source: PhotoFiles) -> tuple[str, ...]:
-    """The image files of a folder or a list, relative to `root`, sorted by name. Raises WorkflowError when there are none."""
-    if source.kind == "list":
-        return tuple(sorted(source.paths))
-    folder = root / source.path
-    try:
-        names = sorted(_readable(entry) for entry in folder.iterdir() if is_image_name(entry.name) and entry.is_file())
-    except OSError as error:
-        raise WorkflowError(f"The folder {source.path} cannot be read ({error.strerror}); correct its path.") from error
-    chosen = [name for name in names if fnmatch.fnmatchcase(name, source.pattern)]
-    if not chosen:
-        raise WorkflowError(_no_images(source.path, source.pattern, len(names)))
-    return tuple((Path(source.path) / name).as_posix() for name in chosen)
-
-
-def _readable(path: Path) -> str:
-    """The name of a file. Raises WorkflowError when it is not text: no table could hold it."""
-    try:
-        path.name.encode()
-    except UnicodeEncodeError:
-        raise WorkflowError(
-            f"The photograph {shown(path)} has a name that is not UTF-8 text; rename it with letters that this system can show."
-        ) from None
-    return path.name
-
-
-def _no_images(folder: str, pattern: str, without_pattern: int) -> str:
-    if without_pattern:
-        return f"None of the {without_pattern} images in {folder} matches the pattern '{pattern}'; the pattern '*' matches all."
-    return f"The folder {folder} contains no JPEG, TIFF or PNG images; put the photographs there or correct the path."
-
-
 def read_header(path: Path) -> Header:
     """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for anything but a complete photograph."""
+    other = other_format(path, _first_bytes(path))
+    if other:
+        return _other_header(path, other)
     with _opened(path) as dataset:
         damaged = _has_damaged_tags(dataset)
         _check_size(path, dataset)
@@ -117,21 +85,55 @@ def read_header(path: Path) -> Header:
         )
 
 
+def _other_header(path: Path, other: Other) -> Header:
+    """The header of a HEIC or raw photograph; the tags are read from what carries them."""
+    found = read_other_header(path, shown(path), other)
+    if found.width * found.height > PIXEL_LIMIT:
+        raise PhotoError(_too_large(path, found.width, found.height))
+    with rasterio.Env(**_GDAL), _tagged(path, found.tag_carrier) as dataset:
+        tags = {} if dataset is None or _has_damaged_tags(dataset) else carried_tags(dataset)
+    if other == "heif":
+        tags.pop("Orientation", None)  # HEIC states its rotation itself, and arrives upright
+    size = {"width": found.width, "height": found.height}
+    return Header(path=str(path), **size, bands=3, dtype=found.dtype, decoding="at_once", tags=tags)
+
+
+@contextmanager
+def _tagged(path: Path, carrier: bytes | None) -> Iterator[rasterio.DatasetReader | None]:
+    """What carries the tags of a photograph, for reading them; None where nothing can be opened."""
+    with ExitStack() as stack, warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            if carrier:
+                dataset = stack.enter_context(stack.enter_context(MemoryFile(carrier)).open(driver="JPEG"))
+            else:
+                dataset = stack.enter_context(rasterio.open(Path(path).absolute(), driver="GTiff"))
+        except (RasterioError, CPLE_BaseError):
+            dataset = None
+        yield dataset
+
+
 def read_pixels(path: Path, window: Window) -> np.ndarray:
     """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not applied here.
 
-    An alpha band is left out. Raises PhotoError when the file is not an image, or ends inside the window.
+    An alpha band is left out. Raises PhotoError when the file is not an image, ends inside the window, or has pixels there that its
+    alpha band masks.
     """
+    other = other_format(path, _first_bytes(path))
+    if other:
+        pixels = read_other_pixels(path, shown(path), other)
+        _check_window(path, window, pixels.shape[:2])
+        return pixels[window.row : window.row + window.height, window.col : window.col + window.width]
     with _reading(path) as dataset:
         _has_damaged_tags(dataset)
         _check_size(path, dataset)
         bands = _colour_bands(path, dataset)
-        if window.clipped(dataset.shape) != window or window.empty:
-            raise PhotoError(
-                f"{shown(path)} has {dataset.width} x {dataset.height} px, and {window} is not inside it; "
-                "the file has changed since it was first read, so run again."
-            )
+        _check_window(path, window, dataset.shape)
+        # Once for each photograph: one of its windows begins with its first row.
+        if window.row == 0 and dataset.driver == "JPEG":
+            _check_jpeg_picture(path)
         try:
+            _check_mask(path, dataset, window)
             return _decoded(dataset, window, bands)
         except RasterioError as error:
             rows = f"{window.row} to {window.row + window.height - 1}"
@@ -139,6 +141,29 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
                 f"{shown(path)} cannot be decoded in the rows {rows}: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
+
+
+def _check_window(path: Path, window: Window, shape: tuple[int, int]) -> None:
+    if window.clipped(shape) != window or window.empty:
+        raise PhotoError(
+            f"{shown(path)} has {shape[1]} x {shape[0]} px, and {window} is not inside it; "
+            "the file has changed since it was first read, so run again."
+        )
+
+
+def _check_mask(path: Path, dataset: rasterio.DatasetReader, window: Window) -> None:
+    """No pixel is masked by an alpha band."""
+    # Masked pixels are no picture; without a mask in every stage they would be matched and would colour the orthoimage.
+    if ColorInterp.alpha not in dataset.colorinterp:
+        return
+    band = dataset.colorinterp.index(ColorInterp.alpha) + 1
+    alpha = dataset.read(band, window=GdalWindow(window.col, window.row, window.width, window.height))
+    if masked := float((alpha == 0).mean()):
+        raise PhotoError(
+            f"{shown(path)} masks {100 * masked:.2g} % of its pixels in the rows {window.row} to {window.row + window.height - 1} "
+            "by its alpha channel, and masked pixels cannot be kept out of the matching; cut the photograph to what is seen in it, "
+            "or save it without alpha if these pixels are good."
+        )
 
 
 def _decoded(dataset: rasterio.DatasetReader, window: Window, bands: int) -> np.ndarray:
@@ -199,12 +224,23 @@ def _open(path: Path) -> rasterio.DatasetReader:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         try:
-            return rasterio.open(Path(path).absolute(), driver=driver)
+            return _largest_page(rasterio.open(Path(path).absolute(), driver=driver))
         except (RasterioError, CPLE_BaseError) as error:
             raise PhotoError(
                 f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
                 "completely; copy it again from the camera."
             ) from error
+
+
+def _largest_page(dataset: rasterio.DatasetReader) -> rasterio.DatasetReader:
+    """The page of a TIFF with the most pixels: some programs put a preview first."""
+    largest = dataset
+    for name in dataset.subdatasets[:_PAGES] if dataset.driver == "GTiff" else ():
+        page = rasterio.open(name, driver="GTiff")
+        smaller = page if page.width * page.height <= largest.width * largest.height else largest
+        largest = largest if smaller is page else page
+        smaller.close()
+    return largest
 
 
 def _decoding(path: Path, dataset: rasterio.DatasetReader) -> Decoding:
@@ -260,12 +296,15 @@ def _is_text(start: bytes) -> bool:
 
 
 def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
-    pixels = dataset.width * dataset.height
-    if pixels > PIXEL_LIMIT:
-        raise PhotoError(
-            f"{shown(path)} claims {dataset.width} x {dataset.height} px, which is {pixels / 1e9:.1f} gigapixels; "
-            f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
-        )
+    if dataset.width * dataset.height > PIXEL_LIMIT:
+        raise PhotoError(_too_large(path, dataset.width, dataset.height))
+
+
+def _too_large(path: Path, width: int, height: int) -> str:
+    return (
+        f"{shown(path)} claims {width} x {height} px, which is {width * height / 1e9:.1f} gigapixels; "
+        f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
+    )
 
 
 def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
@@ -286,6 +325,32 @@ def _check_jpeg_end(path: Path) -> None:
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if content.rfind(b"\xff\xd9", _first_scan(content)) < 0:
             raise PhotoError(_truncated(path, "the end-of-image marker of a JPEG is missing"))
+
+
+_FAULTS = {
+    Fault.NO_SUCH_CODE: "codes that the file does not define",
+    Fault.BEYOND_BLOCK: "more values in a block than it has pixels",
+    Fault.IMPOSSIBLE_GREY: "brightness that no pixels have",
+    Fault.ENDS_EARLY: "too few data for its size",
+    Fault.DATA_LEFT: "more data than its size takes",
+    Fault.OUT_OF_TURN: "restart markers out of turn",
+}
+
+
+def _check_jpeg_picture(path: Path) -> None:
+    """The codes of a JPEG make sense from the first to the last."""
+    # Decoders go on behind damage with a picture that is displaced and recoloured: matched, it would be a wrong surface.
+    broken = broken_jpeg(path.read_bytes())
+    if broken:
+        raise PhotoError(_damaged_picture(path, broken))
+
+
+def _damaged_picture(path: Path, broken: Broken) -> str:
+    where = f"at {100 * broken.share:.0f} % of its height or before" if broken.share < 1 else "somewhere"
+    return (
+        f"The picture in {shown(path)} is damaged {where}: it holds {_FAULTS[broken.fault]}; copy the file again from the camera, "
+        "or leave it out of the photographs."
+    )
 
 
 def _first_scan(content: mmap.mmap) -> int:

@@ -6,26 +6,20 @@ it in one sentence. Where nothing tells the CRS and nothing would need it, the b
 in order with their first settings commented out, so that a newcomer sees what can be changed.
 """
 
-import os
 import re
-import shlex
-import statistics
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pyproj.exceptions import CRSError
 
-from orthomill.pipeline.storage.image_files import image_files, read_header, shown
-from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude
+from orthomill.pipeline.storage.image_files import shown
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
-from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_beside
+from orthomill.pipeline.workflow.photograph_survey import Survey, survey_photographs
 from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of, unfit_map
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
-from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
-from orthomill.schemas.maps.map_scale import utm_zone
+from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
@@ -36,47 +30,8 @@ _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 """Stages that need known truth or a reference."""
 
 
-@dataclass(frozen=True)
-class Survey:
-    """What the headers of a folder of photographs contain, and what lies beside them."""
-
-    folder: str
-    headers: tuple[Header, ...]
-    beside: Beside = NOTHING
-
-    @cached_property
-    def cameras(self) -> Counter[str]:
-        """Number of photographs by the camera they name."""
-        return Counter(name for header in self.headers if (name := camera_name(header)))
-
-    @cached_property
-    def focal_lengths(self) -> Counter[float]:
-        """Number of photographs by focal length in mm."""
-        return Counter(length for header in self.headers if (length := focal_mm(header.tags)))
-
-    @cached_property
-    def places(self) -> tuple[tuple[float, float], ...]:
-        """Longitude and latitude in degrees of the photographs that have them."""
-        return tuple(place for header in self.headers if (place := longitude_latitude(header.tags)))
-
-    @property
-    def utm(self) -> str | None:
-        """The UTM zone of the middle of the photographs, if any of them has a position."""
-        if not self.places:
-            return utm_zone(*self.beside.site) if self.beside.site else None
-        # The median ignores single photographs taken before the receiver had a fix, or elsewhere.
-        longitudes, latitudes = zip(*self.places, strict=True)
-        return utm_zone(statistics.median(longitudes), statistics.median(latitudes))
-
-    @property
-    def placeless(self) -> bool:
-        """Whether nothing is known of the place of the photographs: any system in metres will do."""
-        return not (self.places or self.beside.positions or self.beside.control)
-
-    @property
-    def without_focal(self) -> int:
-        """Number of photographs without a focal length."""
-        return len(self.headers) - self.focal_lengths.total()
+Look = Callable[[tuple[Header, ...], str | None], FirstLook]
+"""From the headers of all photographs and the CRS, if any, to what is found in them."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +40,7 @@ class StartingWorkflow:
 
     path: Path
     survey: Survey
+    look: FirstLook
     notes: tuple[str, ...]
 
 
@@ -93,56 +49,16 @@ def _asks(stage: type[Stage]) -> bool:
     return any(field.is_required() for field in stage.model_fields.values())
 
 
-def survey_photographs(photos: Path, root: Path) -> Survey:
-    """Read the headers of all photographs of a folder. Raises WorkflowError, or PhotoError naming every unusable file."""
-    return survey_folder(_inside(photos, root), root)
-
-
-def survey_folder(folder: str, root: Path) -> Survey:
-    """Read the headers of all photographs of a folder, which may lie outside of the root. Raises WorkflowError, or PhotoError
-    naming every unusable file."""
-    photos = Path(folder)
-    files = image_files(root, PhotoFolder(kind="folder", path=folder))
-    headers, problems = [], []
-    # All files are read before anything is refused: a card with twenty damaged files is reported once, not twenty times.
-    for file in files:
-        try:
-            headers.append(read_header(root / file))
-        except PhotoError as error:
-            problems.append(str(error))
-    if problems:
-        raise PhotoError("\n".join(problems))
-    if len(headers) < 2:
-        raise WorkflowError(
-            f"{files[0]} is the only photograph in {shown(photos)}; heights come from overlap, so at least two "
-            "photographs of the same ground are needed."
-        )
-    # The same way as `_inside`: a link inside of the project is no way out of it.
-    top = Path(os.path.abspath(root))
-    names = tuple(Path(header.path).stem for header in headers)
-    return Survey(folder, tuple(headers), look_beside(top / folder, top, {(h.width, h.height) for h in headers}, names))
-
-
-def _inside(photos: Path, root: Path) -> str:
-    """The folder relative to the root; links are not followed, so that a link inside the project is accepted."""
-    # normpath and not resolve: resolving would follow the link and lead out of the project again.
-    top = Path(os.path.abspath(root))
-    folder = Path(os.path.normpath(top / photos))
-    if not folder.is_relative_to(top):
-        link = f"ln -s {shlex.quote(str(folder))} {shlex.quote(str(top / folder.name))}"
-        raise WorkflowError(
-            f"The photographs in {photos} are outside the project's folder {top}; copy them into it, or create a link "
-            f"there ({link}) and give --photos {folder.name}."
-        )
-    if not folder.is_dir():
-        raise WorkflowError(f"The folder of photographs {photos} does not exist; give an existing one with --photos.")
-    return folder.relative_to(top).as_posix()
+def only_photographs(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
+    """A look that finds nothing and sets nothing aside."""
+    return FirstLook(findings=(), used=tuple(header.path for header in headers))
 
 
 def write_starting_workflow(
-    name: str, photos: Path, root: Path, catalogue: tuple[type[Stage], ...], crs: str | None = None
+    name: str, photos: Path, root: Path, catalogue: tuple[type[Stage], ...], crs: str | None = None, look: Look = only_photographs
 ) -> StartingWorkflow:
-    """Write workflows/<name>.yaml below `root`. Raises WorkflowError rather than overwrite anything."""
+    """Write workflows/<name>.yaml below `root`. `look` tells what the tags say, and which photographs make the block. Raises
+    WorkflowError rather than overwrite anything."""
     _check_name(name)
     path = root / "workflows" / f"{name}.yaml"
     if path.exists():
@@ -150,7 +66,10 @@ def write_starting_workflow(
     survey = survey_photographs(photos, root)
     if crs and (mistake := unfit_crs(crs, survey)):
         raise WorkflowError(mistake)
-    text = starting_text(name, survey, catalogue, crs)
+    seen = look(survey.headers, crs or survey.beside.projected or survey.utm)
+    # What is set aside says nothing of the cameras and places of the block.
+    block = replace(survey, headers=tuple(header for header in survey.headers if header.path in set(seen.used)))
+    text = starting_text(name, block, catalogue, crs)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # "x": whatever has appeared under this name since the check is not overwritten either.
@@ -158,7 +77,7 @@ def write_starting_workflow(
             file.write(text)
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
-    return StartingWorkflow(path, survey, tuple(_notes(name, survey, crs)))
+    return StartingWorkflow(path, survey, seen, tuple(_notes(name, block, crs)))
 
 
 def unfit_crs(crs: str, survey: Survey) -> str:
@@ -188,6 +107,7 @@ def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...],
         "photographs:",
         "  kind: folder",
         f"  path: {flow(survey.folder)}",
+        *_folders(survey),
         "",
         *_cameras(survey),
         "",
@@ -204,6 +124,11 @@ def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...],
     for stage in stages:
         lines += ["", *_stage(stage)]
     return "\n".join(lines) + "\n"
+
+
+def _folders(survey: Survey) -> Iterator[str]:
+    if survey.source.folders != "none":
+        yield f"  folders: {survey.source.folders}  # {sentence(PhotoFolder.model_fields['folders'])}"
 
 
 def _head(name: str, survey: Survey) -> Iterator[str]:

@@ -17,8 +17,10 @@ from pydantic import BaseModel
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from orthomill.pipeline.storage.image_files import image_files, is_image_name, read_header
+from orthomill.pipeline.storage.image_files import read_header
 from orthomill.pipeline.storage.map_files import check_map_file
+from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
+from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.workflow.camera_tags import longitude_latitude
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest
 from orthomill.pipeline.workflow.yaml_lines import Path_

@@ -25,8 +25,11 @@ from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.pair_names import refuse_ambiguous
 from orthomill.tasks.photos.position_files.photographs_by_file import placed_by_file
 from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, with_heights_of_crs
+from orthomill.tasks.photos.rolling_shutter import readout_s, stated_speed
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
+from orthomill.tasks.photos.sorting.photograph_names import named_apart
+from orthomill.tasks.photos.sorting.set_aside import without_others
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
 from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped, written_width
 from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
@@ -108,6 +111,8 @@ def photo_from_header(header: Header) -> Photo:
         dewarped=was_dewarped(tags),
         zoom=zoom_of(tags),
         band=band_of(tags),
+        readout_s=readout_s(tags, header.height),
+        speed=stated_speed(tags),
         levels=level_count((rows, cols)),
     )
 
@@ -150,14 +155,15 @@ def index_photos(
     every photograph that cannot be used, WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
+    headers, aside = without_others(headers)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
     if refusals:
         raise PhotoError(" ".join(refusals))
-    photos, remarks = _without_duplicates([photo_from_header(header) for header in headers])
+    photos, remarks = _without_duplicates(named_apart([photo_from_header(header) for header in headers]))
     refuse_ambiguous([photo.name for photo in photos])
     photos = with_flights(_with_sensors(with_calibrations(with_serials(shared_equivalents(photos)))))
     photos, about_heights = with_one_sign(photos)
-    remarks += [*_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
+    remarks += [*aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
     photos = found.photos
     refuse_unfit_map(photos, crs)
@@ -175,7 +181,7 @@ def index_photos(
 def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own: dict[str, Sigma]) -> Positioned:
     """The photographs with their positions in the project's CRS, as far as these are known, and remarks about stray ones.
 
-    own: the standard errors that the tags give, by the name of the photograph.
+    own: the standard errors that the tags give, by the path of the photograph.
     """
     if isinstance(positions, NoPositions):
         return Positioned(photos, [])
@@ -185,14 +191,13 @@ def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own:
         return Positioned(*placed_by_file(plain, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
-    placed = _placed_by_gps(photos, crs, {name: _stated(positions, sigma) for name, sigma in own.items()})
+    placed = _placed_by_gps(photos, crs, {path: _stated(positions, sigma) for path, sigma in own.items()})
     placed, heights = with_heights_of_crs(placed, crs, positions.crs)
     return Positioned(placed, strays, None, heights)
 
 
 def _own_sigmas(headers: tuple[Header, ...]) -> dict[str, Sigma]:
-    # Reversed, so that the first photograph of a name stays, as it does in the project.
-    return {PurePath(header.path).stem: position_sigma(header.tags) for header in reversed(headers)}
+    return {header.path: position_sigma(header.tags) for header in headers}
 
 
 def _stated(positions: PositionsFromExif, own: Sigma) -> Sigma:
@@ -368,7 +373,7 @@ def _placed_by_gps(photos: list[Photo], crs: str, sigma: dict[str, Sigma]) -> li
     geographic = np.array(list(tagged.values()), dtype=float)
     xy = ground_coordinates(crs, geographic[:, :2])
     places = {name: (float(x), float(y), float(height)) for name, (x, y), height in zip(tagged, xy, geographic[:, 2], strict=True)}
-    return [_placed_at(photo, places.get(photo.name), sigma[photo.name]) for photo in photos]
+    return [_placed_at(photo, places.get(photo.name), sigma[photo.path]) for photo in photos]
 
 
 def _placed_at(photo: Photo, xyz: tuple[float, float, float] | None, sigma: tuple[float, float, float]) -> Photo:

@@ -35,7 +35,7 @@ def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:
 
 def exposure(overview: np.ndarray, photo: str) -> Exposure:
     """Exposure of a photograph from its coarsest level (rows, cols, bands)."""
-    full = float(np.iinfo(overview.dtype).max)
+    full = _full_range(overview)
     values = grey(overview) / full
     # One grey level of 8 bits from the ends counts as clipped: averaging down the pyramid rarely leaves 0 or 255 exactly.
     return Exposure(
@@ -45,3 +45,10 @@ def exposure(overview: np.ndarray, photo: str) -> Exposure:
         black=float((values <= 1 / 255).mean()),
         white=float((values >= 254 / 255).mean()),
     )
+
+
+def _full_range(overview: np.ndarray) -> float:
+    """The greatest grey value that the camera can write: 255, or that of 10, 12, 14 or 16 bits that hold the photograph."""
+    if overview.dtype == np.uint8:
+        return 255.0
+    return float(next(full for full in (1023, 4095, 16383, 65535) if overview.max() <= full))

@@ -10,7 +10,9 @@ from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos,
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, StageReport, Topic, Verdict
 from orthomill.tasks.photos.pixels import Exposure
 from orthomill.tasks.photos.position_sentences import assumptions
+from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
 from orthomill.tasks.photos.scans import Scans
+from orthomill.tasks.photos.sorting.set_aside import SET_ASIDE, set_aside_sentence
 
 PICTURES = 6
 # Shares of clipped pixels and a contrast from which on matching suffers visibly; measured on the coarsest level, where noise has
@@ -130,6 +132,8 @@ def remark_sentence(remark: PhotoRemark) -> str:
         )
     if remark.code in _SENTENCES:
         return _SENTENCES[remark.code].format(names=some_of(remark.photos), count=_count(remark.photos), detail=remark.detail)
+    if remark.code in SET_ASIDE:
+        return set_aside_sentence(remark)
     return (
         f"{some_of(remark.photos)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF "
         "flag that explains it. A program rotated the pixels; in which direction is unknown, so the interior orientation cannot be "
@@ -309,6 +313,7 @@ def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> I
             f"The photographs come from {len(cameras)} cameras, focal lengths or image sizes; "
             "each gets its own interior orientation."
         )
+    yield from rolling_shutter_sentences(photos.photos)
     if len({photo.bands for photo in photos.photos}) > 1:
         yield "Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground."
 

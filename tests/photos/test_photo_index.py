@@ -188,10 +188,16 @@ def test_a_positions_file_may_hold_attitudes():
 
 
 def test_of_two_files_with_one_name_the_second_is_set_aside():
-    photos = photos_of((header("d.jpg"), header("x/d.tif"), header("e.jpg")), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    photos = photos_of((header("d.jpg"), header("d.tif"), header("e.jpg")), "EPSG:26915", EXIF_POSITIONS, LIMITS)
     assert photos.names == ("d", "e") and photos["d"].path == "photos/d.jpg"
-    assert photos.remarks[0] == PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=("photos/d.jpg", "photos/x/d.tif"))
-    assert remark_sentence(photos.remarks[0]).startswith("photos/d.jpg and photos/x/d.tif have the same name d,")
+    assert photos.remarks[0] == PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=("photos/d.jpg", "photos/d.tif"))
+    assert remark_sentence(photos.remarks[0]).startswith("photos/d.jpg and photos/d.tif have the same name d,")
+
+
+def test_files_of_one_name_in_different_folders_are_different_photographs():
+    files = ("d.jpg", "100MEDIA/a.jpg", "101MEDIA/a.jpg", "A/1/b.jpg", "B/1/b.jpg", "A/c.jpg")
+    photos = photos_of(tuple(map(header, files)), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    assert photos.names == ("d", "100MEDIA_a", "101MEDIA_a", "A_1_b", "B_1_b", "c") and not photos.remarks
 
 
 def test_a_gps_tag_of_another_place_is_left_out_and_named():

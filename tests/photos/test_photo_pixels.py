@@ -9,7 +9,7 @@ from PIL import Image, ImageOps
 from orthomill.pipeline.engine.graph import check_memory
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.storage.image_files import image_files
+from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import Project
@@ -136,3 +136,9 @@ def test_a_progressive_jpeg_asks_for_the_memory_of_its_decoder_and_names_the_way
     assert memory["progressive"] == 600 * 2**20 + (3 + 3 + 6) * 300 * 200
     with pytest.raises(ResourceError, match=r"with --memory or save in/progressive\.jpg as a tiled TIFF"):
         check_memory(jobs["photos", "progressive strip", 0, 0], 600 * 2**20)
+
+
+def test_twelve_bits_in_sixteen_are_judged_by_their_own_range():
+    values = np.random.default_rng(1).integers(200, 3900, (64, 64, 1)).astype(np.uint16)
+    found = exposure(values, "a")
+    assert found.mean == pytest.approx(values.mean() / 4095, abs=1e-3) and found.contrast > 0.2 and found.black == 0.0

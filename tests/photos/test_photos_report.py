@@ -79,10 +79,14 @@ def test_bad_exposures_are_named(change, words):
 
 
 def test_every_remark_becomes_one_warning():
-    remarks = tuple(PhotoRemark(code=code, photos=("x/a.jpg", "y/a.png"), distance_km=77.4) for code in PhotoRemarkCode)
+    remarks = tuple(
+        PhotoRemark(code=code, photos=("x/a.jpg", "y/a.png"), distance_km=77.4, words=("Red", "Green")) for code in PhotoRemarkCode
+    )
     warnings = report_of(*PLACED, remarks=remarks).warnings
     assert len(warnings) == len(set(warnings)) == len(PhotoRemarkCode)
-    duplicate, stray, damaged, no_altitude, absent, apart, rotated = warnings[:7]
+    duplicate, stray, damaged, no_altitude, absent, apart, bands, thermal, panorama, rotated = warnings[:10]
+    assert bands.startswith("2 files of other bands set aside (Red; x/a.jpg, y/a.png): the block is made of the band Green.")
+    assert "colours of their pictures are used" in thermal and panorama.startswith("2 files set aside: x/a.jpg, y/a.png, panoramas")
     assert absent.endswith("which are skipped: x/a.jpg, y/a.png.") and "lie 77 km or more from all others" in apart
     assert duplicate.startswith("x/a.jpg and y/a.png have the same name a,") and "rename" in duplicate
     assert "lies 77 km" in stray and rotated.startswith("x/a.jpg, y/a.png: ")

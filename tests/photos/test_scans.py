@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.storage.image_files import image_files
+from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.project import Project

@@ -14,7 +14,12 @@ from orthomill.pipeline.storage.tags.xmp_tags import xmp_tags
 
 def image_tags(path: Path, dataset: rasterio.DatasetReader) -> dict[str, str]:
     """The tags of an open image file by their names."""
-    return {**_own_exif(path, dataset.driver), **_exif(dataset), **xmp_tags(dataset.tags(ns="xml:XMP"))}
+    return {**_own_exif(path, dataset.driver), **carried_tags(dataset)}
+
+
+def carried_tags(dataset: rasterio.DatasetReader) -> dict[str, str]:
+    """The tags that GDAL reads, of a file or of what carries the tags of a photograph in another format."""
+    return {**_exif(dataset), **xmp_tags(dataset.tags(ns="xml:XMP"))}
 
 
 def _exif(dataset: rasterio.DatasetReader) -> dict[str, str]:

@@ -12,7 +12,8 @@ from front_door import photograph
 from PIL import Image
 
 import orthomill.pipeline.storage.image_files
-from orthomill.pipeline.storage.image_files import image_files, read_header, read_pixels, shown
+from orthomill.pipeline.storage.image_files import read_header, read_pixels, shown
+from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.project import PhotoFolder, PhotoList
 from orthomill.schemas.raster import Window
@@ -62,11 +63,29 @@ def test_pixels_come_as_stored(tmp_path, suffix, shape, dtype, bands):
     assert np.array_equal(part, pixels.reshape(48, 64, bands)[5:16, 7:20])
 
 
-def test_an_alpha_band_is_left_out(tmp_path):
+def test_an_opaque_alpha_band_is_left_out(tmp_path):
     pixels = noise(48, 64, 4)
+    pixels[..., 3] = 255
     path = saved(tmp_path / "a.png", pixels)
     assert read_header(path).bands == 3
     assert np.array_equal(read_pixels(path, WHOLE), pixels[..., :3])
+
+
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_pixels_that_an_alpha_band_masks_are_refused(tmp_path, suffix):
+    pixels = noise(48, 64, 4)
+    pixels[..., 3] = 255
+    pixels[:12, :16, 3] = 0
+    path = saved(tmp_path / f"a.{suffix}", pixels)
+    assert "masks 6.2 % of its pixels in the rows 0 to 47 by its alpha channel" in refusal(path, WHOLE)
+    assert read_pixels(path, Window(12, 0, 36, 64)).shape == (36, 64, 3)
+
+
+def test_the_largest_page_of_a_tiff_is_the_photograph(tmp_path):
+    pixels, path = noise(48, 64, 3), tmp_path / "a.tif"
+    Image.fromarray(pixels[::4, ::4]).save(path, save_all=True, append_images=[Image.fromarray(pixels)])
+    assert (read_header(path).width, read_header(path).height) == (64, 48)
+    assert np.array_equal(read_pixels(path, WHOLE), pixels)
 
 
 def test_the_orientation_flag_is_not_applied_here(tmp_path):
@@ -81,7 +100,7 @@ def test_a_truncated_jpeg_is_found_without_decoding(tmp_path):
     path = photograph(tmp_path / "a.jpg")
     path.write_bytes(path.read_bytes()[:-300])
     assert "is truncated" in refusal(path) and "copy it again" in refusal(path)
-    assert "cannot be decoded in the rows 0 to 47" in refusal(path, WHOLE)
+    assert "it holds too few data for its size" in refusal(path, WHOLE)
 
 
 def test_the_end_marker_of_a_thumbnail_does_not_count(tmp_path):
@@ -107,7 +126,7 @@ def test_a_jpeg_with_a_hole_is_refused_when_it_is_read(tmp_path):
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2] + b"\xff\xd9")
     assert read_header(path).width == 512
-    assert "cannot be decoded" in refusal(path, Window(0, 0, 48, 512))
+    assert "is damaged at 48 % of its height or before" in refusal(path, Window(0, 0, 48, 512))
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])

@@ -3,7 +3,9 @@
 import pytest
 from front_door import CATALOGUE, photograph
 
+from orthomill.pipeline.storage.photographs.file_kinds import readable_suffixes
 from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude
+from orthomill.pipeline.workflow.found_lines import found_lines
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import PhotoError, WorkflowError
@@ -70,12 +72,66 @@ def test_nothing_is_overwritten(root):
     assert start.path.read_text() == "mine"
 
 
-def test_photographs_outside_the_project_come_with_advice(root, tmp_path_factory):
+def test_photographs_outside_the_project_are_linked_into_it(root, tmp_path_factory):
     outside = tmp_path_factory.mktemp("card")
-    with pytest.raises(WorkflowError, match=r"are outside the project's folder .*ln -s .*--photos card"):
-        write_starting_workflow("site", outside, root, CATALOGUE)
+    for name in ("a.jpg", "b.jpg"):
+        photograph(outside / name)
+    start = write_starting_workflow("site", outside, root, CATALOGUE)
+    link = root / "photographs" / outside.name
+    assert link.is_symlink() and link.resolve() == outside and start.survey.linked == outside
+    assert f"path: photographs/{outside.name}\n" in start.path.read_text()
+    assert load_workflow(start.path, CATALOGUE).project.photographs.path == f"photographs/{outside.name}"
+    assert any(f"is now a link to {outside}" in line for line in found_lines(start.survey, start.look))
+    assert "photographs/card0_2" not in write_starting_workflow("again", outside, root, CATALOGUE).path.read_text()
+
+
+def test_a_link_of_that_name_to_elsewhere_is_left_alone(root, tmp_path_factory):
+    for number in range(2):
+        outside = tmp_path_factory.mktemp("disk") / "card"
+        for name in ("a.jpg", "b.jpg"):
+            photograph(outside / name)
+        write_starting_workflow(f"site{number}", outside, root, CATALOGUE)
+    assert sorted(path.name for path in (root / "photographs").iterdir()) == ["card", "card_2"]
     (root / "card").symlink_to(root / "photos")
-    assert "path: card\n" in write_starting_workflow("site", root / "card", root, CATALOGUE).path.read_text()
+    assert "path: card\n" in write_starting_workflow("own", root / "card", root, CATALOGUE).path.read_text()
+
+
+def test_the_folders_of_a_card_are_looked_into_and_others_are_named(root):
+    for name in ("100MEDIA/DJI_0001.JPG", "101MEDIA/DJI_0001.JPG", "rejected/DJI_0002.JPG"):
+        photograph(root / "card" / "DCIM" / name)
+    start = write_starting_workflow("site", root / "card", root, CATALOGUE)
+    assert [header.path for header in start.survey.headers] == [
+        "card/DCIM/100MEDIA/DJI_0001.JPG",
+        "card/DCIM/101MEDIA/DJI_0001.JPG",
+    ]
+    assert load_workflow(start.path, CATALOGUE).project.photographs.folders == "card"
+    lines = list(found_lines(start.survey, start.look))
+    assert lines[0].endswith("in DCIM/100MEDIA (1), DCIM/101MEDIA (1).") and lines[0].startswith("Photographs: 2 JPEG of 64 x 48")
+    assert lines[1].startswith("Left out: 1 photograph in folders below (DCIM/rejected/DJI_0002.JPG); set 'folders: all'")
+
+
+def test_folders_of_any_name_are_looked_into_where_nothing_else_holds_photographs(root):
+    photograph(root / "flights" / "monday" / "a.jpg")
+    photograph(root / "flights" / "tuesday" / "a.jpg")
+    assert "  folders: all" in write_starting_workflow("site", root / "flights", root, CATALOGUE).path.read_text()
+
+
+def test_whatever_is_left_out_is_said(root, monkeypatch):
+    monkeypatch.setattr("orthomill.pipeline.storage.photographs.file_kinds.find_spec", lambda name: None)
+    readable_suffixes.cache_clear()
+    folder = root / "photos"
+    for name in ("a.HEIC", "b.dng", "c.mp4", "d.gif", "._DJI_0.JPG", "e.lrf", "notes.txt", "f.MRK"):
+        (folder / name).write_bytes(b"x")
+    (folder / "gone.jpg").symlink_to(root / "nowhere.jpg")
+    (folder / "100MEDIA").symlink_to(folder)
+    start = write_starting_workflow("site", folder, root, CATALOGUE)
+    lines = list(start.survey.left_out)
+    readable_suffixes.cache_clear()
+    for words in ("1 HEIC photograph (a.HEIC)", "1 raw photograph (b.dng)", "1 video (c.mp4)", "1 image of another format (d.gif)"):
+        assert sum(line.startswith(f"Left out: {words}; ") for line in lines) == 1, words
+    for words in ("broken link (gone.jpg)", "hidden file named like a photograph (._DJI_0.JPG)", "preview", "link to a folder"):
+        assert sum(words in line for line in lines) == 1, words
+    assert len(lines) == 8 and "orthomill[formats]" in lines[0] and len(start.survey.headers) == 3
 
 
 def test_folders_and_names_that_will_not_do(root):

@@ -1,0 +1,92 @@
+"""What the tags of photographs tell before anything is computed: cameras, positions, heights, and what is set aside.
+
+Everything is said of the photographs as the stage will use them, so that `init` and a run cannot disagree.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import chain
+
+from orthomill.schemas.findings.flight_findings import FirstLook
+from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
+from orthomill.tasks.photos.index import Limits, index_photos
+from orthomill.tasks.photos.report import remark_sentence
+from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
+
+_FIX = {
+    "fixed": "with a fixed solution",
+    "float": "with a float solution",
+    "single": "without corrections",
+    "none": "without a fix",
+}
+_HEIGHT = {
+    "ellipsoidal": "above the ellipsoid",
+    "sea_level": "above the sea",
+    "barometric": "barometric, with an unknown constant",
+    "relative": "above the place of take-off",
+}
+
+
+def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
+    """The findings in photographs. Without a CRS nothing is placed. Raises OrthomillError for photographs that no run can use."""
+    positions = PositionsFromExif(kind="exif") if crs else NoPositions(kind="none")
+    photos = index_photos(headers, crs or ANY_CRS, positions, Limits(float("inf"))).photos
+    findings = chain(
+        _cameras(photos),
+        _positions(photos),
+        _heights(photos),
+        (remark_sentence(remark) for remark in photos.remarks),
+        rolling_shutter_sentences(photos.photos),
+    )
+    return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos))
+
+
+def _cameras(photos: Photos) -> Iterator[str]:
+    count = Counter(photo.camera for photo in photos.photos)
+    first = {photo.camera: photo for photo in reversed(photos.photos)}
+    for camera, number in count.most_common():
+        yield f"Camera: {camera} ({number}); {_interior(first[camera])}."
+
+
+def _interior(photo: Photo) -> str:
+    if photo.factory and photo.factory.kind == "calibrated":
+        return f"the tags hold its factory calibration, c {photo.factory.c:.1f} px"
+    if photo.factory:
+        return f"the tags hold its design, c {photo.factory.c:.1f} px, and no calibration"
+    if photo.focal_mm or photo.focal_35mm:
+        return "no factory calibration in the tags: c follows from the focal length, and the block refines it"
+    return "no focal length in the tags: c is guessed, and the block refines it"
+
+
+def _positions(photos: Photos) -> Iterator[str]:
+    placed = [photo for photo in photos.photos if photo.longitude is not None]
+    if not placed:
+        yield "Positions: none in the tags."
+        return
+    fixes = Counter(photo.fix for photo in placed if photo.fix)
+    said = ", ".join(f"{number} {_FIX[fix]}" for fix, number in fixes.most_common()) or "the tags do not say how good they are"
+    yield f"Positions: in the tags of {len(placed)} of {len(photos.photos)}; {said}{_errors(placed)}."
+
+
+def _errors(placed: list[Photo]) -> str:
+    """The range of standard errors where tags state them."""
+    stated = [photo.position_sigma for photo in placed if photo.fix and photo.position_sigma]
+    if not stated:
+        return ""
+    plan, height = [max(sigma[:2]) for sigma in stated], [sigma[2] for sigma in stated]
+    return f"; standard errors {_span(plan)} m in plan, {_span(height)} m in height"
+
+
+def _span(values: list[float]) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _heights(photos: Photos) -> Iterator[str]:
+    known = [photo for photo in photos.photos if photo.altitude is not None]
+    if not known:
+        return
+    kinds = Counter(photo.height_kind for photo in known if photo.height_kind)
+    said = ", ".join(f"{number} {_HEIGHT[kind]}" for kind, number in kinds.most_common())
+    yield f"Heights of the positions: {said or 'the tags do not say what they refer to'}."

@@ -1,0 +1,1 @@
+"""Which photographs of a folder make one block, and by what names."""

@@ -1,0 +1,53 @@
+"""Photographs that do not belong to a block, whatever they show: panoramas, and the other bands of a multispectral camera."""
+
+from pathlib import PurePath
+
+from orthomill.schemas.errors import PhotoError, some_of
+from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
+from orthomill.tasks.photos.sorting.bands import COLOUR, OneBlock, one_block
+
+SET_ASIDE = (PhotoRemarkCode.OTHER_BANDS, PhotoRemarkCode.THERMAL, PhotoRemarkCode.PANORAMA)
+"""the remarks that are made here"""
+
+
+def set_aside_sentence(remark: PhotoRemark) -> str:
+    """What one of these remarks says to a person."""
+    number = f"{len(remark.photos)} file{'s' if len(remark.photos) > 1 else ''}"
+    if remark.code is PhotoRemarkCode.PANORAMA:
+        return (
+            f"{number} set aside: {some_of(remark.photos, 3)}, {'panoramas' if len(remark.photos) > 1 else 'a panorama'} "
+            f"({', '.join(remark.words)}), which no frame camera took in one exposure."
+        )
+    if remark.code is PhotoRemarkCode.THERMAL:
+        return "The photographs are thermal: the colours of their pictures are used, not the temperatures."
+    *others, best = remark.words
+    return (
+        f"{number} of other bands set aside ({', '.join(others)}; {some_of(remark.photos, 3)}): the block is made of the "
+        f"{'colour photographs' if best == COLOUR else f'band {best}'}. Choose another with 'pattern' or a list of photographs."
+    )
+
+
+def without_others(headers: tuple[Header, ...]) -> OneBlock:
+    """The photographs of the block, and a remark for each kind that is set aside. Raises PhotoError where all are panoramas."""
+    panoramas = {header.path: projection for header in headers if (projection := _projection(header))}
+    if headers and len(panoramas) == len(headers):
+        raise PhotoError(
+            f"{some_of(list(panoramas), 3)}: all photographs are panoramas ({next(iter(panoramas.values()))}), which no frame "
+            "camera took in one exposure; give the single photographs that they were made of."
+        )
+    block = one_block(tuple(header for header in headers if header.path not in panoramas))
+    if not panoramas:
+        return block
+    words = tuple(sorted(set(panoramas.values())))
+    return OneBlock(
+        block.headers, (PhotoRemark(code=PhotoRemarkCode.PANORAMA, photos=tuple(panoramas), words=words), *block.remarks)
+    )
+
+
+def _projection(header: Header) -> str | None:
+    """The projection of a panorama by its tags, or by a size of two to one under a name that says so."""
+    stated = next((value for name, value in header.tags.items() if name.rpartition(":")[2] == "ProjectionType" and value), "")
+    if stated:
+        return stated.lower()
+    named = "pano" in PurePath(header.path).stem.lower()
+    return "equirectangular" if named and header.width == 2 * header.height else None
