@@ -50,8 +50,8 @@ def readout_s(tags: Mapping[str, str], rows: int) -> float | None:
 
 def stated_speed(tags: Mapping[str, str]) -> float | None:
     """m/s over the ground by the components of the speed in the tags."""
-    found = [re.fullmatch(r"[-+]?\d+(?:\.\d+)?", _speed(tags, axis)) for axis in "XY"]
-    return float(np.hypot(*(float(match[0]) for match in found if match))) if all(found) else None
+    east, north = (re.fullmatch(r"[-+]?\d+(?:\.\d+)?", _speed(tags, axis)) for axis in "XY")
+    return float(np.hypot(float(east[0]), float(north[0]))) if east and north else None
 
 
 def _speed(tags: Mapping[str, str], axis: str) -> str:

@@ -46,7 +46,7 @@ def read_other_header(path: Path, name: str, other: Other) -> OtherHeader:
     with _library(name, other) as library:
         if other == "heif":
             picture = library.open_heif(path, convert_hdr_to_8bit=True)
-            return OtherHeader(*picture.size, "uint8", _tag_carrier(picture.info))
+            return OtherHeader(picture.size[0], picture.size[1], "uint8", _tag_carrier(picture.info))
         with library.imread(str(path)) as raw:
             return OtherHeader(raw.sizes.width, raw.sizes.height, "uint16", None)
 
