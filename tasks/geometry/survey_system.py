@@ -28,9 +28,13 @@ def survey_crs(text: str) -> CRS:
     """The reference system of surveyed points: anything known to PROJ, geographic or in feet as well. Raises WorkflowError."""
     for words in _spellings(text):
         try:
-            return CRS.from_user_input(words)
+            known = CRS.from_user_input(words)
         except CRSError:
             continue
+        # Vertical and temporal systems are systems as well, but none of points.
+        plane = known.sub_crs_list[0] if known.is_compound else known
+        if plane.is_geographic or plane.is_projected or plane.is_geocentric or plane.is_engineering:
+            return known
     raise WorkflowError(
         f"The reference system '{text[:_LONG]}' of the control points is not known to PROJ; name it in the workflow (control > "
         "crs) or in their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
@@ -65,9 +69,7 @@ def height_unit(text: str) -> float:
 
 def plan_of(text: str) -> str:
     """The horizontal part of a system, whose coordinates need no grid of a geoid."""
-    crs = _plane(survey_crs(text))
-    code = crs.to_epsg(min_confidence=100)
-    return f"EPSG:{code}" if code else str(crs.to_wkt())
+    return str(_plane(survey_crs(text)).to_wkt())
 
 
 def ellipsoidal(text: str) -> str:

@@ -32,7 +32,8 @@ class Markers:
 
     def read(self, text: str) -> str | None:
         """Read the text; what is wrong with it, as a sentence."""
-        parser = expat.ParserCreate()
+        # The text is Unicode already, whatever its first line says of its bytes.
+        parser = expat.ParserCreate("UTF-8")
         # Entities can grow without bound or read other files; no marker file has any.
         parser.EntityDeclHandler = _refuse
         parser.StartElementHandler = lambda name, own: self._start(parser, name, own)
