@@ -64,7 +64,10 @@ def _gross_blunder(now: Progress, scaled: Rays) -> Blunder | None:
 def _without_gross_rays(now: Progress) -> Progress:
     """The same solution; rays with gross residuals, and points that have too few rays without them, are not used."""
     unit = _units(now.weighted_network, now.state, now.rays, now.used, least=1e-3)
-    good = residual_lengths(now.network, now.state, now.rays) < now.test.gross * unit
+    size, by_person = residual_lengths(now.network, now.state, now.rays), surveyed(now.network, now.rays)
+    # Coordinates that are wrong but not yet found must not take their rays with them.
+    pulled = spread(size[now.used & by_person]) if (now.used & by_person).any() else 0.0
+    good = size < now.test.gross * np.where(by_person, np.maximum(unit, pulled), unit)
     return replace(now, used=enough_rays(now.network, now.rays, now.used & good))
 
 
