@@ -138,6 +138,21 @@ def _precision(facts: Facts) -> Iterator[Figure]:
         sentence="Median standard error of the tie points in plan, including the effect of the orientation.",
     )
     yield Figure(name="ground_sigma_height", value=_median(points.sigma_z), unit="m")
+    yield Figure(
+        name="ground_bend_sigma",
+        label="Precision of the shape",
+        value=facts.precision.bend_sigma,
+        unit="m",
+        sentence=_bend_sentence(facts.precision.bend_extent),
+    )
+
+
+def _bend_sentence(extent: float | None) -> str:
+    over = "the block" if extent is None else f"the {extent:.0f} m of the block"
+    return (
+        "Standard error of the height difference that a bend of the whole ground (a dome, a bowl, a twist) adds over "
+        f"{over}; place and tilt have no part in it. Empty without tie points."
+    )
 
 
 def _coverage(facts: Facts) -> Iterator[Figure]:
