@@ -101,6 +101,7 @@ def strip(seed):
 
 def bend(block, points):
     """The range of the quadratic part of the errors of heights."""
+    points = points.take(np.flatnonzero(points.rays >= 3))
     truth = block.ground[points.track]
     error = points.z - truth[:, 2]
     forms, _ = bend_forms(truth[:, :2])
