@@ -143,15 +143,14 @@ def _precision(facts: Facts) -> Iterator[Figure]:
         label="Precision of the shape",
         value=facts.precision.bend_sigma,
         unit="m",
-        sentence=_bend_sentence(facts.precision.bend_extent),
+        sentence="Standard error of the height difference that a bend of the whole ground (a dome, a bowl, a twist) adds over the "
+        "block; place and tilt have no part in it. Empty without tie points.",
     )
-
-
-def _bend_sentence(extent: float | None) -> str:
-    over = "the block" if extent is None else f"the {extent:.0f} m of the block"
-    return (
-        "Standard error of the height difference that a bend of the whole ground (a dome, a bowl, a twist) adds over "
-        f"{over}; place and tilt have no part in it. Empty without tie points."
+    yield Figure(
+        name="ground_bend_extent",
+        value=facts.precision.bend_extent,
+        unit="m",
+        sentence="Length of the block over which it may bend.",
     )
 
 
