@@ -296,6 +296,10 @@ class BlockPrecision(BaseModel):
     """correlated image errors, root mean square over the frame; None where the residuals are those of white noise"""
     common_share: float | None = None
     """the part of their variance which is the same in all photographs of a camera"""
+    bend_sigma: float | None = None
+    """standard error of the range of heights that a bend of the ground adds over `bend_extent`, m; None: too few tie points"""
+    bend_extent: float | None = None
+    """length of the block, m"""
     # Kept for comparison with programs that assume independent image errors.
     white_sigma: dict[str, tuple[float, ...]] = {}
     """camera -> standard errors of its interior parameters (order of INTERIOR) under the assumption of white noise"""

@@ -66,7 +66,7 @@ def crossed(rng: np.random.Generator, height: float) -> Placed:
 
 def oblique(rng: np.random.Generator, height: float) -> Placed:
     """Two grids at right angles, the camera tilted by 25 degrees."""
-    strips = _strips(height, 3, 7)
+    strips = _strips(height, 3, 6)
     return _flown(rng, strips, 25.0) + [
         one for i, strip in enumerate(strips) for one in _down(rng, strip[:, [1, 0, 2]], 180.0 * (i % 2), 25.0)
     ]

@@ -19,7 +19,7 @@ from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, 
 
 LEAST_MATCHES, REJECTION, VERTICAL = 15, 4.0, 5.0
 """Defaults of the stage."""
-NAMES_A_DOME = ("bend", "bent", "dome", "bowl")
+NAMES_A_DOME = ("bent", "bend", "dome", "bowl")
 """Parts of the names of findings that say of a block that it bends."""
 
 
@@ -187,4 +187,4 @@ def quadratic_part(xy: np.ndarray, heights: np.ndarray) -> np.ndarray:
 
 def _stated_shape(tables: BlockTables) -> float:
     """The stated standard error of the bend, NaN where the product states none."""
-    return float(getattr(tables.precision, "shape_sigma", None) or np.nan)
+    return float(tables.precision.bend_sigma or np.nan)

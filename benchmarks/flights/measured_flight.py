@@ -15,7 +15,7 @@ from orthomill.tasks.geometry.view import View
 
 KEPT = 0.7
 """Share of the photographs that see a point in which matching finds it."""
-MOST_POINTS = 250
+MOST_POINTS = 140
 """Tie points for each photograph of the block."""
 
 

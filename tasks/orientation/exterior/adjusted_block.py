@@ -50,6 +50,7 @@ from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.contradictions import agreeing_positions
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
+from orthomill.tasks.orientation.shape.held_parameters import considering_held
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
@@ -157,8 +158,9 @@ def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, c
         # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
         causes = (finding_sentence(finding) for finding in folding_cameras(cameras))
         raise GeometryError(" ".join((str(error), *causes))) from error
-    results = including_correlation(oriented.results)
-    apart = tuple(block_table(crs, including_correlation(one), ()) for one in oriented.apart)
+    results = including_correlation(considering_held(oriented.results, choices.interior))
+    separate = (including_correlation(considering_held(one, choices.interior)) for one in oriented.apart)
+    apart = tuple(block_table(crs, one, ()) for one in separate)
     return BlockTables(
         block=block_table(crs, results, oriented.unoriented),
         points=ground_points(results, tracks),

@@ -137,6 +137,20 @@ def _precision(facts: Facts) -> Iterator[Figure]:
         sentence="Median standard error of the tie points in plan, including the effect of the orientation.",
     )
     yield Figure(name="ground_sigma_height", value=_median(points.sigma_z), unit="m")
+    yield Figure(
+        name="ground_bend_sigma",
+        label="Precision of the shape",
+        value=facts.precision.bend_sigma,
+        unit="m",
+        sentence="Standard error of the height difference that a bend of the whole ground (a dome, a bowl, a twist) adds over the "
+        "block; place and tilt have no part in it. Empty without tie points.",
+    )
+    yield Figure(
+        name="ground_bend_extent",
+        value=facts.precision.bend_extent,
+        unit="m",
+        sentence="Length of the block over which it may bend.",
+    )
 
 
 def _coverage(facts: Facts) -> Iterator[Figure]:

@@ -21,6 +21,7 @@ from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 from orthomill.tasks.orientation.shape.bent_block import bent_block
+from orthomill.tasks.orientation.shape.shape_precision import shape_precision
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -39,6 +40,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
     points = [] if results.datum.free else contradicting_points(results)
     distances = contradicting_distances(results)
+    shape = shape_precision(results)
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=factors.position,
@@ -56,6 +58,8 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         blunders=(*(row.name for row in points), *(f"{row.first} - {row.second}" for row in distances)),
         common_px=result.correlated.rms_px if result.correlated else None,
         common_share=result.correlated.share if result.correlated else None,
+        bend_sigma=shape.bend if shape else None,
+        bend_extent=shape.extent if shape else None,
         white_sigma=_white_sigmas(problem, result),
         findings=(
             *bent_block(results),
