@@ -39,9 +39,10 @@ def page(rows: list[Judged], seconds: float) -> str:
         f"pixel. **Domed**: the bend is above {BEYOND:.0f} times that which the measurements of such flights give with the true "
         f"camera, and above {SEEN:.0f} ground pixel. Standard error of c: share of flights within 2.",
         "",
-        "| flights | number | bent more than stated (5 % wanted) | by the stated precision of the shape | domed | named, "
-        "of the domed (95 % wanted) | false alarms, of the others (1 % wanted) | median bend, ground pixels | 95 % of bends below "
-        "| c within 2 standard errors | photographs lost |",
+        "| flights | number | bent more than stated (5 % wanted) | by the stated precision of the shape | domed | named, of the "
+        "domed (95 % wanted) | "
+        "false alarms, of the others (1 % wanted) | median bend, ground pixels | 95 % of bends below | c within 2 "
+        "standard errors | photographs lost |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         _line("**all**", rows, domed),
         *(_line(name, own, domed) for _, key in groups for name, own in _grouped(rows, key)),
@@ -54,9 +55,9 @@ def page(rows: list[Judged], seconds: float) -> str:
         "",
         "## The worst bends",
         "",
-        "| seed | flight | bend, m | of centres, m | with the true camera, m | stated in height there, m | ground pixel, m | c off "
-        "| k1 | k3 | x0, y0 px | said |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| seed | flight | bend, m | of centres, m | with the true camera, m | stated in height there, m | stated bend, m | "
+        "ground pixel, m | c off | k1 | k3 | x0, y0 px | said |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         *(_flight(row) for row in sorted(_known(rows), key=lambda row: -row.bend / row.ground_pixel)[:25]),
         "",
         *(["Failed:", "", *(f"- {row.seed} {_name(row)}: {row.said}" for row in rows if np.isnan(row.bend)), ""]),
@@ -132,6 +133,7 @@ def _name(row: Judged) -> str:
 
 
 def _flight(row: Judged) -> str:
-    lengths = f"{row.bend:.2f} | {row.bend_centres:.2f} | {row.noise_bend:.3f} | {row.stated:.3f} | {row.ground_pixel:.3f}"
+    lengths = f"{row.bend:.2f} | {row.bend_centres:.2f} | {row.noise_bend:.3f}"
+    lengths += f" | {row.stated:.3f} | {row.shape:.3f} | {row.ground_pixel:.3f}"
     camera = f"{100 * row.wrong_c:+.1f} % | {row.k1:+.2f} | {row.k3:+.2f} | {row.x0:+.0f}, {row.y0:+.0f}"
     return f"| {row.seed} | {_name(row)} | {lengths} | {camera} | {row.said or 'nothing'} |"
