@@ -74,7 +74,7 @@ def demanding(result: Adjustment, held: np.ndarray) -> np.ndarray:
         step, cofactor = step_in(free, result)
     except GeometryError:
         return cameras
-    independent = AREAS / _rays_per_photograph(result)
+    independent = AREAS / rays_per_photograph(result)
     for k in np.flatnonzero(held.any(axis=1)):
         own = free.interior_columns[k][held[k]]
         square = float(step[own] @ np.linalg.pinv(cofactor.joint(own), hermitian=True, rcond=1e-12) @ step[own])
@@ -82,7 +82,7 @@ def demanding(result: Adjustment, held: np.ndarray) -> np.ndarray:
     return cameras
 
 
-def _rays_per_photograph(result: Adjustment) -> np.ndarray:
+def rays_per_photograph(result: Adjustment) -> np.ndarray:
     """(C,) the mean number of measurements in a photograph of each camera."""
     camera_of, cameras = result.network.camera_of, len(result.network.interior.value)
     rays = np.bincount(camera_of[result.rays.photo[result.used]], minlength=cameras)

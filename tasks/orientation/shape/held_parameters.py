@@ -21,6 +21,7 @@ from orthomill.tasks.adjustment.testing.covariances import covariance_of, points
 from orthomill.tasks.adjustment.testing.error_fields import weighted_rays
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.block.camera_constant import step_in
+from orthomill.tasks.orientation.block.demanded_parameters import rays_per_photograph
 from orthomill.tasks.orientation.block.self_calibration import AREAS
 
 CONSTANT = INTERIOR.index("c")
@@ -78,7 +79,7 @@ def _moments(result: Adjustment, held: np.ndarray, sigma: np.ndarray) -> list[np
     free = replace(network.interior, free=network.interior.free | held, considered=none, weight=weight)
     network = replace(network, interior=free)
     step, cofactor = step_in(network, result)
-    enlarged = np.maximum(_rays_per_photograph(result) / AREAS, 1.0)
+    enlarged = np.maximum(rays_per_photograph(result) / AREAS, 1.0)
     columns = network.interior_columns
     return [
         moment(cofactor.joint(own[of]), step[own[of]], prior[of], by) if of.any() else np.zeros((0, 0))
@@ -106,10 +107,3 @@ def _considered(interior: Interior, held: np.ndarray, moments: list[np.ndarray])
             scale = np.sqrt(np.diag(found))
             own[np.ix_(of, of)] = np.linalg.inv(found / np.outer(scale, scale)) / np.outer(scale, scale)
     return replace(interior, free=interior.free | held, considered=interior.considered | held, weight=weight)
-
-
-def _rays_per_photograph(result: Adjustment) -> np.ndarray:
-    """(C,) the mean number of measurements in a photograph of each camera."""
-    camera_of, cameras = result.network.camera_of, len(result.network.interior.value)
-    rays = np.bincount(camera_of[result.rays.photo[result.used]], minlength=cameras)
-    return np.maximum(rays, 1) / np.maximum(np.bincount(camera_of, minlength=cameras), 1)
