@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-rtk-flight bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -82,6 +82,9 @@ bench: $(STAMP) ## Measure the figures in benchmarks/results
 
 bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP where it is installed
 	@$(BIN)/python -m benchmarks.orientation.orientation_real
+
+bench-rtk-flight: $(STAMP) ## A public RTK flight with defaults: is its floor flat, do its tags fit (options="FOLDER --surface")
+	@$(BIN)/python -m benchmarks.orientation.rtk_flight $(options)
 
 bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos ..." for runs that are finished)
 	@$(BIN)/python -m benchmarks.time_by_stage $(options)
