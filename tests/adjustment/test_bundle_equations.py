@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_network import dense, moved, pattern, prior_alone, small_network
 
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
@@ -160,7 +161,7 @@ def test_redundancy_numbers_sum_to_the_redundancy():
     network = replace(
         network,
         centre_weight=np.zeros((4, 3)),
-        shift=False,
+        shift=NOT_SHIFTED,
         point_weight=network.point_weight * 1e6,
         interior=replace(network.interior, free=np.zeros((1, 8), bool), weight=np.zeros((1, 8, 8))),
     )

@@ -288,7 +288,7 @@ def starting_values(
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
     # Points without a place stay at 0 and lose their rays below.
     start.point[problem.ties :] = np.nan_to_num(surveyed)
-    state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3), lens=parts[0].model.lens)
+    state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(0), lens=parts[0].model.lens)
     network = replace(_network(material, problem, start.vertical, count), up=start.up)
     network = with_datum(network, known, datum, problem.ties)
     finite = np.asarray(np.isfinite(surveyed).all(axis=1))

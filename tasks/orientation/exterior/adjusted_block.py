@@ -7,6 +7,7 @@ together where positions or control place them in the project's system; the othe
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior, is_guessed
-from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays, common_shift
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
@@ -64,6 +65,9 @@ positions apart from a common shift."""
 REJECTED = 4.0
 """Residual, in standard errors of a coordinate, from which on a measurement is as good as rejected where two blocks are compared"""
 
+ShiftChoice = Literal["auto", "constant", "none"]
+"""Whether positions have constant errors that are adjusted: where the sources demand it, one that is common to all, or never"""
+
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
@@ -75,7 +79,7 @@ class BlockChoices(Settings):
     orientation varies from photograph to photograph."""
 
     interior: InteriorChoice
-    gnss_shift: bool
+    gnss_shift: ShiftChoice
     vertical_sigma: float
     rejection: float
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -241,7 +245,7 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
-    datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift, origin)
+    datum = choose_datum(model, known, np.radians(choices.vertical_sigma), choices.looking, choices.gnss_shift == "constant", origin)
     # Half of them at least: single wrong names are found by the blunder tests, and named.
     if known.unmet >= UNMET and 2 * known.unmet > known.measured:
         unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
@@ -279,10 +283,10 @@ def _without_datum(have: _Input, part: Part) -> Part:
 
 def _require_control_for_shift(choices: BlockChoices, parts: list[Part]) -> None:
     placed = max(int(part.known.placed.sum()) for part in parts)
-    if choices.gnss_shift and placed < ENOUGH_CONTROL:
+    if choices.gnss_shift == "constant" and placed < ENOUGH_CONTROL:
         raise GeometryError(
             "A common shift of the GNSS positions can only be determined with 3 or more control points; "
-            f"{placed} can be used here. Give more control, or set gnss_shift: none."
+            f"{placed} can be used here. Give more control, or set gnss_shift: auto."
         )
 
 
@@ -316,7 +320,8 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     network, state, good = starting_values(have.material, problem, parts, datum, np.radians(choices.vertical_sigma))
-    network = network.with_lever(choices.lever_arm, choices.lever_sigma, choices.gnss_shift)
+    shifted = common_shift(network.photos) if choices.gnss_shift == "constant" else NOT_SHIFTED
+    network = network.with_antenna(choices.lever_arm, choices.lever_sigma, shifted)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
         network = replace(network, variation=variation_of(choices.variation, motion))
@@ -325,7 +330,7 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
     fixed = choices.interior.kind == "fixed"
     try:
-        tested = adjust_tested(network, state.with_lever(network.lever), rays, test, problem.camera_names, fixed)
+        tested = adjust_tested(network, state.with_antenna(network), rays, test, problem.camera_names, fixed)
         weak = away_from_its_position(tested.result, datum.positions_aside)
     except GeometryError as error:
         # Without a result there are no rejected rays, so all that are sufficiently observed are judged.

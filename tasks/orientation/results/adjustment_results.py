@@ -16,6 +16,7 @@ from orthomill.schemas.findings.block_findings import (
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
+from orthomill.tasks.adjustment.model.network import Network, common_shift
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
@@ -45,8 +46,8 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         rays=int(result.used.sum()),
         # Measurements of points that never got a place count as rejected: they took no part either.
         rejected=int(problem.measured - result.used.sum()),
-        gnss_shift=_vector(result.state.shift) if network.shift else None,
-        gnss_shift_sigma=_sigmas(result, network.shift_columns),
+        gnss_shift=_vector(result.state.shift) if _is_common(network) else None,
+        gnss_shift_sigma=_sigmas(result, network.shift_columns) if _is_common(network) else None,
         lever_arm=_vector(result.state.lever) if result.state.lever.any() or len(network.lever_columns) else None,
         lever_arm_sigma=_sigmas(result, network.lever_columns),
         groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
@@ -65,6 +66,11 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
             *_unconnected(problem, apart),
         ),
     )
+
+
+def _is_common(network: Network) -> bool:
+    """Whether all positions share one shift in all coordinates."""
+    return network.shifts == 3 and bool((network.shift == common_shift(network.photos)).all())
 
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:
