@@ -62,7 +62,9 @@ def step_of(network: Network, correction: np.ndarray, points: np.ndarray) -> Bun
     # Without a column there is nothing to correct: the slice is empty then.
     lever[: len(network.lever_columns)] = correction[network.lever_columns]
     points[network.kept] = correction[network.kept_columns]
-    return BundleStep(photo[:, :3], photo[:, 3:], points, interior, correction[network.shift_columns], lever, _variation_of(network, correction))
+    return BundleStep(
+        photo[:, :3], photo[:, 3:], points, interior, correction[network.shift_columns], lever, _variation_of(network, correction)
+    )
 
 
 def _variation_of(network: Network, correction: np.ndarray) -> np.ndarray | None:

@@ -12,6 +12,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.orientation import SourceStatement
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
@@ -70,8 +71,8 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class BlockResults:
-    """All that the tables are made from; `findings` about the cameras; `restart` (C,) px: camera constants with which the start is
-    to be made again (NaN: as given)."""
+    """All that the tables are made from; `findings` about sources and cameras; `restart` (C,) px: camera constants with which the
+    start is to be made again (NaN: as given); `statements`: what each source says of the block."""
 
     cameras: Cameras
     problem: Problem
@@ -79,6 +80,7 @@ class BlockResults:
     datum: Datum
     findings: tuple[BlockFinding, ...]
     restart: np.ndarray
+    statements: tuple[SourceStatement, ...] = ()
 
 
 def taking_part(control: Control) -> list[ControlPoint]:

@@ -21,6 +21,7 @@ from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
+from orthomill.tasks.orientation.sources.source_findings import covered_by, offsets_of
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -50,6 +51,8 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         gnss_shift_sigma=_sigmas(result, network.shift_columns) if _is_common(network) else None,
         lever_arm=_vector(result.state.lever) if result.state.lever.any() or len(network.lever_columns) else None,
         lever_arm_sigma=_sigmas(result, network.lever_columns),
+        offsets=() if _is_common(network) else offsets_of(result, problem.names),
+        sources=results.statements,
         groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
@@ -59,13 +62,19 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         white_sigma=_white_sigmas(problem, result),
         findings=(
             *results.datum.findings,
-            *contradictions(results, points, distances, control),
+            *_unexplained(results, contradictions(results, points, distances, control)),
             *results.findings,
             *_nominal_constants(problem, result),
             *_moved_principal_points(results),
             *_unconnected(problem, apart),
         ),
     )
+
+
+def _unexplained(results: BlockResults, found: Iterator[BlockFinding]) -> Iterator[BlockFinding]:
+    """The contradictions that no cause explains which the sources show."""
+    covered = covered_by(results.findings)
+    return (finding for finding in found if not isinstance(finding, covered))
 
 
 def _is_common(network: Network) -> bool:

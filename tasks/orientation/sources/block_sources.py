@@ -37,6 +37,11 @@ class BlockSources:
     table: tuple[Said, ...]
     groups: Groups
 
+    @property
+    def has_offsets(self) -> bool:
+        """Whether constant errors of the positions explain contradictions."""
+        return any(isinstance(cause, Offset) for cause in self.found.causes)
+
 
 def block_sources(photos: Photos, problem: Problem, datum: Datum, network: Network, state: State) -> BlockSources | None:
     """What the sources say of a block with this `state`, as `network` gives them; None for a free network."""
@@ -105,17 +110,31 @@ def _groups(rows: list[Photo]) -> Groups:
     return Groups(np.array([number[key] for key in keys]), np.array(order))
 
 
-def with_offsets(sources: BlockSources, network: Network, state: State, known: np.ndarray, sigma: np.ndarray) -> tuple[Network, State]:
+def with_offsets(
+    sources: BlockSources, network: Network, state: State, known: np.ndarray, sigma: np.ndarray
+) -> tuple[Network, State]:
     """The network with the offsets that were found as unknowns, and the state moved to where the sources agree with them; `known`
     (P, 3) local positions with their standard errors `sigma` (P, 3), of which those that agree take part."""
-    offsets = [cause for cause in sources.found.causes if isinstance(cause, Offset)]
     shift, start = shifts_of(sources)
     has = sources.told.positioned
     usable = has & _agreeing(sources)
     weight = np.where(usable[:, None], 1.0 / np.where(usable[:, None], sigma, 1.0) ** 2, 0.0)
     centre = np.where(has[:, None], known, 0.0)
-    moved = _moved(state, sources.found.after.motion) if offsets else state
-    return replace(network, shift=shift, centre=centre, centre_weight=weight), replace(moved, shift=start)
+    moved = _moved(state, sources.found.after.motion)
+    network = _with_attitudes(replace(network, shift=shift, centre=centre, centre_weight=weight), sources.told)
+    return network, replace(moved, shift=start)
+
+
+def _with_attitudes(network: Network, told: Told) -> Network:
+    """The network whose mean vertical is that of the attitudes: what an offset of a flight takes from the positions of the tilt of
+    the block, attitudes have to give."""
+    has = np.isfinite(told.attitude).all(axis=(1, 2))
+    if not has.any():
+        return network
+    # That of the mean, of which each photograph gets its share.
+    variance = told.mounting_sigma**2 + float((told.attitude_sigma[has] ** 2).mean()) / has.sum()
+    up = np.where(has[:, None], told.attitude[:, :, 2], 0.0)
+    return replace(network, up=up, vertical_weight=np.where(has, 1.0 / (variance * has.sum()), 0.0))
 
 
 def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +153,9 @@ def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
         place += _numbers(cause)
     # Coordinates with the same causes share an unknown.
     patterns, number = np.unique(
-        np.concatenate([np.tile(np.arange(3), photos)[:, None], contains.reshape(-1, len(values))], axis=1), axis=0, return_inverse=True
+        np.concatenate([np.tile(np.arange(3), photos)[:, None], contains.reshape(-1, len(values))], axis=1),
+        axis=0,
+        return_inverse=True,
     )
     used = patterns[:, 1:].any(axis=1)
     column = np.where(used, np.cumsum(used) - 1, -1)

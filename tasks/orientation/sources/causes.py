@@ -8,6 +8,7 @@ control. The likelihood of each is compared with that of the sources as given; s
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2, f
@@ -18,17 +19,22 @@ from orthomill.tasks.orientation.sources.robust_motion import Cause, Explained, 
 
 CHANCE = 1e-4
 """Probability that chance explains as much as a cause does, for all hypotheses together, from which on the cause is believed."""
-JUMPS = 5
-"""Places in the order of exposure, the largest jumps of the positions, between which offsets are tried."""
+JUMPS = 3
+"""Places in the order of exposure, the largest jumps of the positions in height and in plan, between which offsets are tried."""
 LEAST = 3
 """Photographs of an offset that no tag gives a reason for; the others must be as many."""
 CLEAR = 3.0
 """Such an offset is so many times larger than the scatter of the positions beside it; one of a flight is larger than it."""
+DETERMINED = 3.0
+"""Standard errors of an offset that it exceeds: two strips show no offset between them without attitudes."""
 PIXELS = 3.0
 """Offsets up to so many pixels on the ground do not matter."""
+NEEDED = 16.0
+"""What a cause has to explain beside the others, in squares of standard errors."""
 SEVERAL = 4
 """Causes that are looked for one after the other."""
-UNITS = {"feet": 0.3048, "metres": 1.0 / 0.3048}
+UnitName = Literal["feet", "metres"]
+UNITS: dict[UnitName, float] = {"feet": 0.3048, "metres": 1.0 / 0.3048}
 """What the coordinates of control are in when they are not in metres, and the factor that makes metres of them; `metres`: they were
 taken for feet."""
 
@@ -44,14 +50,14 @@ class Groups:
 
 @dataclass(frozen=True)
 class Unit:
-    """Control that is in another unit: `unit` as in UNITS, in its heights only or in all coordinates."""
+    """Control that is in another unit: its `name` as in UNITS, in its heights only or in all coordinates."""
 
-    unit: str
+    name: UnitName
     heights_only: bool
 
     def applied(self, told: Told) -> Told:
         """What the sources say with the control in metres."""
-        factor = np.where([self.heights_only, self.heights_only, False], 1.0, UNITS[self.unit])
+        factor = np.where([self.heights_only, self.heights_only, False], 1.0, UNITS[self.name])
         return replace(told, control=told.control * factor)
 
 
@@ -92,7 +98,18 @@ def causes_of(block: RigidBlock, told: Told, groups: Groups, origin: np.ndarray)
             break
         best = min(found, key=lambda trial: trial.result.misfit + trial.numbers * np.log(len(now.has.y)))
         causes, unit, now = best.causes, best.unit, best.result
+        causes, now = _needed(block, told if unit is None else _in_metres(told, unit, origin), causes, now)
     return Findings(causes, unit, before, now, told if unit is None else _in_metres(told, unit, origin))
+
+
+def _needed(block: RigidBlock, told: Told, causes: tuple[Cause, ...], now: Explained) -> tuple[tuple[Cause, ...], Explained]:
+    """The causes without those that later ones have made superfluous."""
+    for cause in causes[:-1]:
+        fewer = tuple(other for other in causes if other is not cause)
+        without = explained(block, told, fewer, now)
+        if without.misfit - now.misfit < NEEDED:
+            causes, now = fewer, without
+    return causes, now
 
 
 def _in_metres(told: Told, unit: Unit, origin: np.ndarray) -> Told:
@@ -102,18 +119,12 @@ def _in_metres(told: Told, unit: Unit, origin: np.ndarray) -> Told:
 
 
 def _trials(
-    block: RigidBlock,
-    told: Told,
-    groups: Groups,
-    origin: np.ndarray,
-    now: Explained,
-    causes: tuple[Cause, ...],
-    unit: Unit | None,
+    block: RigidBlock, told: Told, groups: Groups, origin: np.ndarray, now: Explained, causes: tuple[Cause, ...], unit: Unit | None
 ) -> Iterator[_Trial]:
     has_control = bool((now.has.source == Source.CONTROL).any())
     own = told if unit is None else _in_metres(told, unit, origin)
     for cause in _offsets(block, told, groups, now, causes, has_control):
-        yield _trial(now, explained(block, own, (*causes, cause)), (*causes, cause), unit, cause)
+        yield _trial(now, explained(block, own, (*causes, cause), now), (*causes, cause), unit, cause)
     if has_control and unit is None:
         for name, heights_only in ((name, heights) for name in UNITS for heights in (True, False)):
             other = Unit(name, heights_only)
@@ -178,14 +189,15 @@ def _ranges(groups: Groups, has: np.ndarray, now: Explained) -> Iterator[np.ndar
 
 
 def _jumps(order: np.ndarray, now: Explained) -> np.ndarray:
-    """The places of the largest jumps of the residuals from one photograph to the next."""
+    """The places of the largest jumps of the residuals, in height and in plan, from one photograph to the next."""
     residual, axis = np.zeros((order.max() + 1, 3)), now.has.axis
     for part in (Source.PLAN, Source.HEIGHT):
         own = now.has.source == part
         v = now.has.y[own] - now.has.A[own] @ _without_motion(now)
-        residual[now.has.photo[own], axis[own]] = v / (now.has.sigma[own] * now.scale[part])
-    jump = np.linalg.norm(np.diff(residual[order], axis=0), axis=1)
-    return 1 + np.argsort(-jump, kind="stable")[:JUMPS]
+        residual[now.has.photo[own], axis[own]] = v
+    jump = np.diff(residual[order], axis=0)
+    places = (np.argsort(-size, kind="stable")[:JUMPS] for size in (np.abs(jump[:, 2]), np.hypot(jump[:, 0], jump[:, 1])))
+    return 1 + np.union1d(*places)
 
 
 def _without_motion(now: Explained) -> np.ndarray:
@@ -199,7 +211,10 @@ def _matters(block: RigidBlock, groups: Groups, trial: _Trial) -> bool:
     if not trial.causes or trial.numbers == 0 or not isinstance(trial.causes[-1], Offset):
         return True
     cause = trial.causes[-1]
-    size = np.abs(trial.result.parameters[-len(cause.axes) :]).max()
+    own = slice(-len(cause.axes), None)
+    size = float(np.abs(trial.result.parameters[own]).max())
+    if size < DETERMINED * np.sqrt(np.diag(trial.result.covariance)[own].max()):
+        return False
     if cause.photos.all():
         return bool(size > PIXELS * block.pixel)
     inside = np.unique(groups.flight[cause.photos])

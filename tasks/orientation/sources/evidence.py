@@ -9,7 +9,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from orthomill.tasks.geometry.rotation_vector import skew, vector_of_rotation
+from orthomill.tasks.geometry.rotation_vector import vector_of_rotation
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
 COMPASS = 5.0
@@ -74,7 +74,8 @@ def equations(block: RigidBlock, told: Told) -> Equations:
     parts = [_positions(block, told, cameras), _control(block, told, cameras), _attitudes(block, told, cameras)]
     source, photo, axis, y, A, sigma = (np.concatenate([part[i] for part in parts]) for i in range(6))
     expected = np.concatenate([np.zeros(FIRST_CAMERA), told.constant])
-    common = np.nanmedian(told.position_sigma, axis=0) if told.positioned.any() else np.full(3, np.inf)
+    has = told.positioned
+    common = np.median(told.position_sigma[has], axis=0) if has.any() else np.full(3, np.inf)
     mounting = told.mounting_sigma * np.array([1.0, 1.0, COMPASS])
     expected_sigma = np.concatenate([np.full(7, np.inf), common, mounting, told.constant_sigma])
     return Equations(source, photo, axis, y, A, sigma, expected, expected_sigma)
@@ -87,7 +88,8 @@ def _moved_points(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
     """(n, 3, 7) how points move with the block."""
     lever = points - middle
     alike = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    return np.concatenate([alike, -np.array([skew(one) for one in lever]).reshape(-1, 3, 3), lever[:, :, None]], axis=2)
+    turned = np.cross(alike, lever[:, None, :]).transpose(0, 2, 1)
+    return np.concatenate([alike, turned, lever[:, :, None]], axis=2)
 
 
 def _positions(block: RigidBlock, told: Told, cameras: int) -> _Part:

@@ -43,9 +43,5 @@ class RigidBlock:
             return np.asarray(self.middle + motion[:3] + scale * (points - self.middle) @ turn.T)
 
         return replace(
-            self,
-            centre=place(self.centre),
-            rotation=self.rotation @ turn.T,
-            depth=scale * self.depth,
-            control=place(self.control),
+            self, centre=place(self.centre), rotation=self.rotation @ turn.T, depth=scale * self.depth, control=place(self.control)
         )

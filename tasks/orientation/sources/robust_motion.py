@@ -5,7 +5,7 @@ source along with the motion (expectation maximisation, Lange et al. 1989). Posi
 stated errors are mostly common; control and attitudes are never better than stated.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from orthomill.tasks.orientation.sources.evidence import MOTION, Equations, Sour
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
 FREEDOM = 5.0
-"""Degrees of freedom of the t-distribution of residuals: errors beyond four of their standard errors are rare but not impossible."""
-STEPS, NEGLIGIBLE = 60, 1e-4
+"""Degrees of freedom of the t-distribution of residuals: large errors are rare but not impossible."""
+STEPS, NEGLIGIBLE = 40, 1e-3
 """Steps of the estimation, and the change of all scales, as a share, below which it ends."""
 TAKEN = {Source.PLAN: 3, Source.HEIGHT: 3, Source.CONTROL: 0, Source.ATTITUDE: 0}
 """Parameters that a source alone determines and that take their share of its residuals."""
@@ -65,10 +65,13 @@ class Explained:
     has: Equations
 
 
-def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = ()) -> Explained:
-    """The most likely motion of a block and constant errors of its sources, given the causes."""
-    motion, at, has = np.zeros(7), block, equations(block, told)
-    scale, total = {source: np.inf for source in Source}, None
+def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), near: Explained | None = None) -> Explained:
+    """The most likely motion of a block and constant errors of its sources, given the causes; `near`: a solution with fewer causes
+    to start from."""
+    motion = np.zeros(7) if near is None else near.motion
+    at = block.moved(motion)
+    has = equations(at, told)
+    scale, total = dict.fromkeys(Source, np.inf), None
     for _ in range(STEPS):
         A = _with_causes(at, has, causes)
         v = has.y if total is None else has.y - A @ _rest(total)
@@ -78,7 +81,7 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = ()) -> 
         motion = motion + total[MOTION]
         at = block.moved(motion)
         has = equations(at, told)
-        if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in Source) and np.abs(total[MOTION]).max() < 1e-6:
+        if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in Source):
             break
     A = _with_causes(at, has, causes)
     v = has.y - A @ _rest(total)
