@@ -251,6 +251,7 @@ class OffsetAdjusted(_Finding):
     offset: tuple[float | None, float | None, float | None]
     """m in X, Y and height; None where there is none"""
     sigma: tuple[float | None, float | None, float | None]
+    """against the other positions as these scatter, for what they have in common is no error of their difference"""
     tilt_deg: float
     """by which the block would be tilted without it"""
     moved_m: float

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from small_network import dense, moved, pattern, prior_alone, small_network
 
-from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms, prior_cost
 from orthomill.tasks.adjustment.model.linearisation import linearised
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, reduced_normals
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, with_considered

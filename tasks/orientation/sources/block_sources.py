@@ -42,6 +42,16 @@ class BlockSources:
         """Whether constant errors of the positions explain contradictions."""
         return any(isinstance(cause, Offset) for cause in self.found.causes)
 
+    def offset_sigmas(self, photos: np.ndarray) -> dict[int, float]:
+        """Standard errors of the offset of `photos` (P,) bool against the others by coordinate, m, as the positions scatter: what
+        they have in common is no error of their difference. Empty for the offset of all, whose common error counts."""
+        place, after = len(self.found.after.parameters), self.found.after
+        for cause in reversed(self.found.causes):
+            place -= _numbers(cause)
+            if isinstance(cause, Offset) and not cause.photos.all() and (cause.photos == photos).all():
+                return {axis: float(np.sqrt(after.covariance[place + i, place + i])) for i, axis in enumerate(cause.axes)}
+        return {}
+
 
 def block_sources(photos: Photos, problem: Problem, datum: Datum, network: Network, state: State) -> BlockSources | None:
     """What the sources say of a block with this `state`, as `network` gives them; None for a free network."""

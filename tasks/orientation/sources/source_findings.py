@@ -127,11 +127,12 @@ def offset_findings(
     positioned = {name for name, has in zip(names, before.told.positioned, strict=True) if has}
     for photos in dict.fromkeys(offset.photos for offset in offsets):
         own = {offset.axis: offset for offset in offsets if offset.photos == photos}
+        by_scatter = before.offset_sigmas(np.isin(names, photos))
         yield OffsetAdjusted(
             photos=photos,
             against="control" if positioned <= set(photos) else "others",
             offset=_by_axis({axis: offset.value for axis, offset in own.items()}),
-            sigma=_by_axis({axis: offset.sigma for axis, offset in own.items()}),
+            sigma=_by_axis({axis: by_scatter.get(axis, offset.sigma) for axis, offset in own.items()}),
             tilt_deg=float(np.degrees(np.linalg.norm(motion[3:5]))),
             moved_m=moved,
             heights=heights,

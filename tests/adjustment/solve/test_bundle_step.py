@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_network import moved, small_network
 
-from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.datum import freedoms
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.bundle_step import BundleStep, step_of
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.solve.whole_block import WholeMotion, motion_in

@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import chi2, norm
 from small_network import dense, more_control, small_network, surveyed_noise
 
-from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.bundle import adjust
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, without
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED
