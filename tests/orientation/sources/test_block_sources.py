@@ -83,7 +83,8 @@ def test_heights_of_positions_and_control_in_two_systems_keep_the_control(gnss):
     (found,) = of_code(out, "offset_adjusted")
     assert found.against == "control" and abs(found.offset[2] - 47.23) < 4 * found.sigma[2]
     assert out["precision"].control_factor == 1.0 and out["precision"].position_factor == 1.0
-    assert np.abs(errors(block, out)).max() < 0.5
+    # Without the positions' heights only the photographs tell the camera constant, to half a percent.
+    assert np.abs(errors(block, out)).max() < 1.0
     assert any("above the control" in sentence for sentence in sentences(out["precision"]))
 
 

@@ -58,7 +58,7 @@ def test_a_flight_of_its_own_has_its_own_offset(by, axes):
     block, told, groups = flight(3, **RTK)
     own = np.arange(24) >= 18
     found = causes_of(block, raised(told, own, by), replace(groups, flight=own.astype(int)), ORIGIN)
-    photos, found_axes, value, sigma = single(found)
+    photos, found_axes, value, _ = single(found)
     assert found_axes == axes and (photos == own).all() and np.abs(value - np.array(by).ravel()).max() < 0.05
 
 
