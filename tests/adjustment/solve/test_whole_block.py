@@ -55,9 +55,6 @@ def test_what_is_not_determined_stays():
         centre_weight=network.centre_weight * [0, 0, 1],
         point_weight=np.zeros_like(network.point_weight),
         shift=NOT_SHIFTED,
-        centre_weight=network.centre_weight * [0, 0, 1],
-        point_weight=np.zeros_like(network.point_weight),
-        shift=NOT_SHIFTED,
     )
     state = fitted_whole(height, transformed(truth, shift=(3.0, 4.0, 5.0)))
     assert state.centre[:, 2] == pytest.approx(truth.centre[:, 2], abs=1e-6)
