@@ -246,6 +246,39 @@ class ObservationGroup(BaseModel):
     """estimated by stated standard error"""
 
 
+class SourceStatement(BaseModel):
+    """What a source says of a parameter of the block by itself, relative to the block, and what all others say without it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    source: str
+    parameter: str
+    unit: str
+    value: float
+    sigma: float
+    others: float | None = None
+    """None: the others do not determine it"""
+    others_sigma: float | None = None
+
+    @property
+    def ratio(self) -> float | None:
+        """Their difference in standard errors."""
+        if self.others is None or self.others_sigma is None:
+            return None
+        return abs(self.value - self.others) / max(float(np.hypot(self.sigma, self.others_sigma)), 1e-300)
+
+
+class PositionOffset(BaseModel):
+    """A constant error of positions that was adjusted: of which photographs, in which coordinate (0 to 2), m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photos: tuple[str, ...]
+    axis: int
+    value: float
+    sigma: float
+
+
 class LargestResidual(BaseModel):
     """One of the image measurements with the largest standardised residuals, of those that took part."""
 
@@ -287,6 +320,10 @@ class BlockPrecision(BaseModel):
     lever_arm: tuple[float, float, float] | None = None
     """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; None: not used"""
     lever_arm_sigma: tuple[float, float, float] | None = None
+    offsets: tuple[PositionOffset, ...] = ()
+    """constant errors of positions, where they are not one common shift"""
+    sources: tuple[SourceStatement, ...] = ()
+    """what each source says by itself; empty for a free block"""
     groups: tuple[ObservationGroup, ...] = ()
     largest: tuple[LargestResidual, ...] = ()
     """largest standardised residuals, the worst first"""

@@ -115,7 +115,7 @@ def _row(flight: Flight, cpu: float, **found) -> Judged:
 
 def _oriented(flight: Flight, cameras: Cameras, relative: RelativeOrientations, given=None) -> BlockTables:
     interior: InteriorChoice = WeightedInterior(kind="weighted")
-    choices = BlockChoices(interior=interior, gnss_shift=False, vertical_sigma=VERTICAL, rejection=REJECTION)
+    choices = BlockChoices(interior=interior, gnss_shift="auto", vertical_sigma=VERTICAL, rejection=REJECTION)
     return orient_block(flight.photos, cameras, flight.tie_points, Control(), relative, "EPSG:2100", choices, given)
 
 

@@ -143,7 +143,7 @@ def tie_points_of(block: Block, root: Path) -> Store:
 def found(store: Store, choice: InteriorChoice, crs: str) -> Found:
     """The camera constant that the block finds with this choice."""
     photos, cameras, ties, control, relative = (store.table(t) for t in (PHOTOS, CAMERAS, TIE_POINTS, CONTROL, RELATIVE))
-    choices = BlockChoices(interior=choice, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
+    choices = BlockChoices(interior=choice, gnss_shift="none", vertical_sigma=5.0, rejection=4.0)
     out = orient_block(photos, cameras, ties, control, relative, crs, choices)
     name, camera = next(iter(out.block.cameras.items()))
     precision = out.precision

@@ -153,13 +153,13 @@ def _head() -> Iterator[str]:
     yield ""
     yield (
         "20 photographs of a DJI P4 Multispectral RTK over a yard with concrete floors (Zaar Ali, MIT). Wanted: floor bent by "
-        f"less than 0.03 m over 60 m, c within three standard errors of the factory's {FACTORY} px, attitudes within 0.3 degrees of the "
-        "gimbal (less how the camera is mounted), no false warning. At 24a1819 the floor was a dome of 1.2 m, c 1777.8 px."
+        f"less than 0.03 m over 60 m, c within three standard errors of the factory's {FACTORY} px, attitudes within 0.3 degrees "
+        "of the gimbal (less how the camera is mounted), no false warning. At 24a1819 the floor was a dome of 1.2 m, c 1777.8 px."
     )
     yield ""
     yield (
-        "| tags | sigma0, px | floor over 60 m, m | positions less block, E N H, m | stated by the tags, m | c, px | in its standard "
-        "errors from the factory's | tilts less gimbal, degrees | findings |"
+        "| tags | sigma0, px | floor over 60 m, m | positions less block, E N H, m | stated by the tags, m | c, px | in its "
+        "standard errors from the factory's | tilts less gimbal, degrees | findings |"
     )
     yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
 

@@ -275,6 +275,51 @@ class PositionsAlongView(_Finding):
     along_m: float
 
 
+class OffsetAdjusted(_Finding):
+    """Positions have a constant error against the other sources, which was adjusted as an unknown of its own."""
+
+    code: Literal["offset_adjusted"] = "offset_adjusted"
+    photos: tuple[str, ...]
+    against: Literal["control", "others"]
+    """all positions against the control, or those of these photographs against the other positions"""
+    offset: tuple[float | None, float | None, float | None]
+    """m in X, Y and height; None where there is none"""
+    sigma: tuple[float | None, float | None, float | None]
+    """against the other positions as these scatter, for what they have in common is no error of their difference"""
+    tilt_deg: float
+    """by which the block would be tilted without it"""
+    moved_m: float
+    """by which the block would lie elsewhere without it, at most"""
+    heights: str | None = None
+    """what tags say that the heights of the positions refer to"""
+
+
+class UnitContradicted(_Finding):
+    """The control fits the other sources in another unit of length than metres."""
+
+    code: Literal["unit_contradicted"] = "unit_contradicted"
+    unit: Literal["feet", "metres"]
+    """what its coordinates are in; `metres`: they were taken for feet"""
+    heights_only: bool
+    given_m: float
+    """misfit in height as given"""
+    fits_m: float
+    """misfit in height in that unit"""
+
+
+class SourcesDisagree(_Finding):
+    """A source contradicts all others in a parameter of the block, and no cause explains it."""
+
+    code: Literal["sources_disagree"] = "sources_disagree"
+    source: str
+    parameter: str
+    unit: str
+    value: float
+    sigma: float
+    others: float
+    others_sigma: float
+
+
 class DistanceContradicted(_Finding):
     """A measured distance contradicts the block."""
 
@@ -412,6 +457,9 @@ BlockFinding = Annotated[
     | PositionContradicted
     | PositionsElsewhere
     | PositionsAlongView
+    | OffsetAdjusted
+    | UnitContradicted
+    | SourcesDisagree
     | DistanceContradicted
     | DistanceUnchecked
     | MeasurementsRejected

@@ -30,7 +30,7 @@ from orthomill.tasks.geometry.footprint import ground_outline
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.orientation.control.control_files import no_control
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list, control_from_scans
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, ShiftChoice, orient_block
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
 from orthomill.tasks.orientation.exterior.started_block import orient_from
@@ -85,8 +85,10 @@ class OrientationStage(Stage):
     interior: InteriorChoice = setting(
         WeightedInterior(kind="weighted"), "How the interior orientation takes part in the adjustment."
     )
-    gnss_shift: Literal["none", "constant"] = setting(
-        "none", "Whether the GNSS positions have a common shift that is adjusted; needs control."
+    gnss_shift: ShiftChoice = setting(
+        "auto",
+        "Whether constant errors of the GNSS positions are adjusted: auto: of a flight, or of all positions against control, where "
+        "the sources contradict each other without; constant: one of all positions, which needs control; none: never.",
     )
     lever_arm: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0),
@@ -217,7 +219,7 @@ class OrientationStage(Stage):
         )
         choices = BlockChoices(
             interior=self.interior,
-            gnss_shift=self.gnss_shift == "constant",
+            gnss_shift=self.gnss_shift,
             vertical_sigma=self.vertical_sigma,
             rejection=self.rejection,
             lever_arm=self.lever_arm,

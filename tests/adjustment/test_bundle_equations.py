@@ -11,6 +11,7 @@ from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms, prior_cost
 from orthomill.tasks.adjustment.model.linearisation import linearised
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, reduced_normals
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, with_considered
@@ -160,7 +161,7 @@ def test_redundancy_numbers_sum_to_the_redundancy():
     network = replace(
         network,
         centre_weight=np.zeros((4, 3)),
-        shift=False,
+        shift=NOT_SHIFTED,
         point_weight=network.point_weight * 1e6,
         interior=replace(network.interior, free=np.zeros((1, 8), bool), weight=np.zeros((1, 8, 8))),
     )

@@ -80,7 +80,7 @@ def test_settings_of_the_workflow_reach_the_block():
     interior = {"kind": "free", "parameters": ["c", "k1"]}
     job = next(item for item in planned(FILES, interior=interior, gnss_shift="constant") if item.item == "block")
     assert job.params["choices"].interior.parameters == ("c", "k1")
-    assert job.params["choices"].gnss_shift
+    assert job.params["choices"].gnss_shift == "constant"
     job.params["choices"].model_dump_json()
 
 
@@ -120,7 +120,7 @@ def test_every_setting_reaches_the_adjustment():
     jobs = {item.item: item for item in planned(FILES, **OF_THE_ADJUSTMENT) if isinstance(item, Job)}
     assert jobs["pairs"].params["least"] == 20
     choices = jobs["block"].params["choices"]
-    assert choices.gnss_shift and choices.interior.kind == "fixed" and choices.looking == "level"
+    assert choices.gnss_shift == "constant" and choices.interior.kind == "fixed" and choices.looking == "level"
     assert (choices.lever_arm, choices.lever_sigma) == ((0.1, 0.0, 0.2), 0.05)
     assert (choices.vertical_sigma, choices.rejection) == (2.0, 3.0)
 

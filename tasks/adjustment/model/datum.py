@@ -64,10 +64,16 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
     )
 
 
+def antennas(network: Network, state: State) -> np.ndarray:
+    """(P, 3) m where positions are observed: projection centre + lever arm + shift."""
+    turned = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever)
+    # The 0 appended is the shift of what has none.
+    return turned + np.append(state.shift, 0.0)[network.shift] if network.shifts else turned
+
+
 def position_residuals(network: Network, state: State) -> np.ndarray:
-    """GNSS position minus (projection centre + lever arm + shift), (P, 3) m; 0 where the weight is 0."""
-    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
-    return np.where(network.centre_weight > 0, network.centre - antenna, 0.0)
+    """GNSS position minus its place by the unknowns, (P, 3) m; 0 where the weight is 0."""
+    return np.where(network.centre_weight > 0, network.centre - antennas(network, state), 0.0)
 
 
 def vertical_residuals(network: Network, state: State) -> np.ndarray:
@@ -88,9 +94,9 @@ def position_derivatives(network: Network, state: State, photos: np.ndarray) -> 
     if len(network.lever_columns):
         blocks.append(turned)
         columns.append(np.broadcast_to(network.lever_columns, (len(photos), 3)))
-    if network.shift:
+    if network.shifts:
         blocks.append(alike)
-        columns.append(np.broadcast_to(network.shift_columns, (len(photos), 3)))
+        columns.append(np.append(network.shift_columns, -1)[network.shift[photos]])
     return np.concatenate(blocks, axis=2), np.hstack(columns)
 
 

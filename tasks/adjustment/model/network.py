@@ -4,7 +4,7 @@ Coordinates are local (a constant offset near the block is subtracted first), so
 Rotations are corrected by small rotation vectors in the image system, for which no attitude is singular; reports print angles.
 
 Order of the unknowns of the reduced system: six per photograph (X, Y, Z, three rotations), then the free interior parameters, the
-shift of the GNSS positions, the lever arm of the antenna, and the points that are kept (ends of measured distances, and points
+shifts of the GNSS positions, the lever arm of the antenna, and the points that are kept (ends of measured distances, and points
 whose joint covariance is needed). All other points are eliminated.
 """
 
@@ -40,7 +40,8 @@ class Rays:
 @dataclass(frozen=True, eq=False)
 class State:
     """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, k) the first k of INTERIOR,
-    `shift` (3,) m, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z backwards);
+    `shift` (S,) m of the positions, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z
+    backwards);
     `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by default; `variation` (P, k) how the
     interior orientation of each photograph differs from that of its camera (None: not at all)."""
 
@@ -53,9 +54,9 @@ class State:
     lens: np.ndarray | None = None
     variation: np.ndarray | None = None
 
-    def with_lever(self, lever: np.ndarray) -> "State":
-        """The state with another lever arm (3,)."""
-        return replace(self, lever=lever)
+    def with_antenna(self, network: "Network", shift: np.ndarray | None = None) -> "State":
+        """The state with the lever arm of a network, and with its shifts (S,) m, which are 0 where none are given."""
+        return replace(self, lever=network.lever, shift=np.zeros(network.shifts) if shift is None else shift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +109,15 @@ class Variation:
         return len(self.parameters)
 
 
+NOT_SHIFTED = np.zeros((0, 3), np.int64)
+"""No position has a shift."""
+
+
+def common_shift(photos: int) -> np.ndarray:
+    """(P, 3): all positions share one shift."""
+    return np.tile(np.arange(3), (photos, 1))
+
+
 NO_VARIATION = Variation(np.zeros(0, np.int64), np.zeros((0, 0)), np.zeros((0, 0, 0)))
 
 
@@ -117,7 +127,8 @@ class Network:
 
     camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2
     of the verticality constraint, whose expected direction is `up` (3,) or (P, 3) in the image system: (0, 0, 1) for a photograph
-    that looks straight down; shift: whether the GNSS positions have a common shift; free: no datum, inner constraints instead.
+    that looks straight down; shift (P, 3): the number of the unknown shift that each coordinate of a GNSS position contains (-1:
+    none), ascending from 0, those of one flight for instance; free: no datum, inner constraints instead.
     lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept (K,) ascending numbers of the points that
     stay among the unknowns, the ends of `distances` among them; named: numbers of points that a person measured in the
     photographs, in addition to those with known coordinates; variation: interior parameters that each photograph has for itself.
@@ -130,7 +141,7 @@ class Network:
     point: np.ndarray
     point_weight: np.ndarray
     vertical_weight: np.ndarray
-    shift: bool = False
+    shift: np.ndarray = field(default_factory=lambda: NOT_SHIFTED)
     free: bool = False
     lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
     lever_weight: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -140,9 +151,9 @@ class Network:
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     variation: Variation = NO_VARIATION
 
-    def with_lever(self, lever: Sequence[float], sigma: float, shift: bool) -> "Network":
+    def with_antenna(self, lever: Sequence[float], sigma: float, shift: np.ndarray) -> "Network":
         """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and
-        whether all positions have a common shift. A free network has neither."""
+        the shifts (P, 3) as in `Network`. A free network has neither."""
         if self.free or not self.centre_weight.any():
             return self
         weight = np.full(3, 1.0 / sigma**2 if sigma > 0 else 0.0)
@@ -181,14 +192,19 @@ class Network:
         return first + np.arange(self.photos * len(self.variation)).reshape(self.photos, -1)
 
     @property
+    def shifts(self) -> int:
+        """The number of unknown shifts."""
+        return int(self.shift.max(initial=-1)) + 1
+
+    @property
     def shift_columns(self) -> np.ndarray:
-        """The columns of the shift; none without one."""
-        return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + np.arange(3 * self.shift)
+        """(S,) the columns of the shifts."""
+        return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + np.arange(self.shifts)
 
     @property
     def lever_columns(self) -> np.ndarray:
         """The columns of the lever arm; none where it is known."""
-        first = 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + 3 * self.shift
+        first = 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + self.shifts
         return first + np.arange(3 * bool(self.lever_weight.all()))
 
     @property
@@ -201,27 +217,27 @@ class Network:
     @property
     def unknowns(self) -> int:
         """Unknowns of the reduced system."""
-        alone = 3 * (self.shift + bool(self.lever_weight.all()) + len(self.kept))
+        alone = self.shifts + 3 * (bool(self.lever_weight.all()) + len(self.kept))
         return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + alone
 
     @property
     def group_start(self) -> np.ndarray:
         """(G + 1,) where the groups of unknowns that always occur together begin: photographs, cameras with free parameters, what
-        varies from photograph to photograph, shift and lever arm as one, kept points."""
+        varies from photograph to photograph, shifts and lever arm as one, kept points."""
         free = self.interior.free.sum(axis=1)
-        alone = 3 * (self.shift + bool(self.lever_weight.all()))
+        alone = self.shifts + 3 * bool(self.lever_weight.all())
         own = np.full(self.photos * (len(self.variation) > 0), len(self.variation))
         sizes = [np.full(self.photos, 6), free[free > 0], own, np.full(int(alone > 0), alone), np.full(len(self.kept), 3)]
         return np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
 
     @property
     def prior_cliques(self) -> csr_array:
-        """(K, G), nonzero: the groups that prior information connects: each photograph with shift and lever arm, and the ends of
+        """(K, G), nonzero: the groups that prior information connects: each photograph with shifts and lever arm, and the ends of
         each distance."""
         groups = len(self.group_start) - 1
         # Ends of distances are kept points, the last groups.
         pairs = groups - len(self.kept) + np.searchsorted(self.kept, self.distances.ends)
-        if self.shift or self.lever_weight.all():
+        if self.shifts or self.lever_weight.all():
             photos = np.arange(self.photos)
             pairs = np.vstack([pairs, np.column_stack([photos, np.full(self.photos, groups - len(self.kept) - 1)])])
         return csr_array((np.ones(pairs.size), pairs.ravel(), 2 * np.arange(len(pairs) + 1)), shape=(len(pairs), groups))

@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 @dataclass(frozen=True, eq=False)
 class BundleStep:
     """Corrections of all unknowns: projection centres (P, 3) m, rotation vectors (P, 3) in the image systems, points (N, 3) m,
-    interior orientations (C, 17), shift and lever arm (3,) m, and what varies from photograph to photograph (P, 17)."""
+    interior orientations (C, 17), shifts (S,) and lever arm (3,) m, and what varies from photograph to photograph (P, 17)."""
 
     centre: np.ndarray
     turn: np.ndarray
@@ -36,7 +36,7 @@ class BundleStep:
             state.centre + self.centre,
             state.point + self.point,
             state.interior + self.interior,
-            state.shift + self.shift,
+            state.shift + self.shift if len(self.shift) else state.shift,
             state.lever + self.lever,
             state.lens,
             state.variation if self.variation is None else self.variation + (0.0 if state.variation is None else state.variation),
@@ -57,13 +57,14 @@ class BundleStep:
 def step_of(network: Network, correction: np.ndarray, points: np.ndarray) -> BundleStep:
     """The step from corrections (n,) of the unknowns of the reduced system and (N, 3) of the eliminated points."""
     photo = correction[: 6 * network.photos].reshape(-1, 6)
-    interior, shift, lever = np.zeros_like(network.interior.value), np.zeros(3), np.zeros(3)
+    interior, lever = np.zeros_like(network.interior.value), np.zeros(3)
     interior[network.interior.free] = correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
-    # Without a column there is nothing to correct: the slices are empty then.
-    shift[: len(network.shift_columns)] = correction[network.shift_columns]
+    # Without a column there is nothing to correct: the slice is empty then.
     lever[: len(network.lever_columns)] = correction[network.lever_columns]
     points[network.kept] = correction[network.kept_columns]
-    return BundleStep(photo[:, :3], photo[:, 3:], points, interior, shift, lever, _variation_of(network, correction))
+    return BundleStep(
+        photo[:, :3], photo[:, 3:], points, interior, correction[network.shift_columns], lever, _variation_of(network, correction)
+    )
 
 
 def _variation_of(network: Network, correction: np.ndarray) -> np.ndarray | None:

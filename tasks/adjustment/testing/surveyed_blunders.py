@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri, ndtr
 
-from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals
+from orthomill.tasks.adjustment.model.datum import antennas, distance_residuals, position_residuals
 from orthomill.tasks.adjustment.model.network import Network
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, weights_of, with_weight
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, surveyed
@@ -99,16 +99,10 @@ def _prediction_error(result: Adjustment, first: Network, blunder: Blunder) -> t
     """Observed minus predicted (d,), and the covariance (d, d) of the prediction."""
     i = blunder.number
     if blunder.kind == SurveyedKind.POSITION:
-        return first.centre[i] - antennas(result)[i], position_covariances(result, np.array([i]))[0]
+        return first.centre[i] - antennas(result.network, result.state)[i], position_covariances(result, np.array([i]))[0]
     if blunder.kind == SurveyedKind.DISTANCE:
         return distance_residuals(first, result.state)[[i]], distance_variances(result)[i].reshape(1, 1)
     return first.point[i] - result.state.point[i], result.point_covariance[i]
-
-
-def antennas(result: Adjustment) -> np.ndarray:
-    """(P, 3) the adjusted antenna positions, local m."""
-    state = result.state
-    return state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift
 
 
 def usual_misfit(size: np.ndarray) -> float:

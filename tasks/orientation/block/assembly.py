@@ -12,6 +12,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.orientation import SourceStatement
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
@@ -76,8 +77,8 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class BlockResults:
-    """All that the tables are made from; `findings` about the cameras; `restart` (C,) px: camera constants with which the start is
-    to be made again (NaN: as given)."""
+    """All that the tables are made from; `findings` about sources and cameras; `restart` (C,) px: camera constants with which the
+    start is to be made again (NaN: as given); `statements`: what each source says of the block."""
 
     cameras: Cameras
     problem: Problem
@@ -85,6 +86,7 @@ class BlockResults:
     datum: Datum
     findings: tuple[BlockFinding, ...]
     restart: np.ndarray
+    statements: tuple[SourceStatement, ...] = ()
 
 
 def taking_part(control: Control) -> list[ControlPoint]:
@@ -308,7 +310,7 @@ def starting_values(
     surveyed = np.where(np.isfinite(known.control_model), known.control_model, known.control - datum.origin)
     # Points without a place stay at 0 and lose their rays below.
     start.point[problem.ties :] = np.nan_to_num(surveyed)
-    state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(3), lens=parts[0].model.lens)
+    state = State(start.rotation, start.centre, start.point, parts[0].model.interior, np.zeros(0), lens=parts[0].model.lens)
     network = replace(_network(material, problem, start.vertical, count), up=start.up)
     network = with_datum(network, known, datum, problem.ties)
     finite = np.asarray(np.isfinite(surveyed).all(axis=1))

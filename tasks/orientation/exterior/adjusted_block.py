@@ -7,6 +7,7 @@ together where positions or control place them in the project's system; the othe
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -21,8 +22,8 @@ from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior, is_guessed
-from orthomill.tasks.adjustment.model.network import Network, Rays
-from orthomill.tasks.adjustment.solve.minimise import NotConverged
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Network, Rays, State, common_shift
+from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED, NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import (
@@ -51,6 +52,14 @@ from orthomill.tasks.orientation.results.contradictions import agreeing_position
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.shape.held_parameters import considering_held
+from orthomill.tasks.orientation.sources.block_sources import block_sources, with_offsets
+from orthomill.tasks.orientation.sources.source_findings import (
+    contradicted_sources,
+    covered_by,
+    offset_findings,
+    offsets_of,
+    source_statements,
+)
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
@@ -77,6 +86,9 @@ mounted to half a degree; an aircraft leans, and its camera with it."""
 ASSUMED_DEG = 5.0
 """The same for attitudes of unknown origin, and for the assumption that photographs look straight down on average."""
 
+ShiftChoice = Literal["auto", "constant", "none"]
+"""Whether positions have constant errors that are adjusted: where the sources demand it, one that is common to all, or never"""
+
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
 
@@ -88,7 +100,7 @@ class BlockChoices(Settings):
     None: as receivers leave it), and what of the interior orientation varies from photograph to photograph."""
 
     interior: InteriorChoice
-    gnss_shift: bool
+    gnss_shift: ShiftChoice
     vertical_sigma: float | None
     rejection: float
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -255,7 +267,8 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
-    datum = choose_datum(model, known, _vertical_sigma(have), choices.looking, choices.gnss_shift, origin)
+    shifted = choices.gnss_shift == "constant"
+    datum = choose_datum(model, known, _vertical_sigma(have), choices.looking, shifted, origin)
     # Half of them at least: single wrong names are found by the blunder tests, and named.
     if known.unmet >= UNMET and 2 * known.unmet > known.measured:
         unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
@@ -303,10 +316,10 @@ def _without_datum(have: _Input, part: Part) -> Part:
 
 def _require_control_for_shift(choices: BlockChoices, parts: list[Part]) -> None:
     placed = max(int(part.known.placed.sum()) for part in parts)
-    if choices.gnss_shift and placed < ENOUGH_CONTROL:
+    if choices.gnss_shift == "constant" and placed < ENOUGH_CONTROL:
         raise GeometryError(
             "A common shift of the GNSS positions can only be determined with 3 or more control points; "
-            f"{placed} can be used here. Give more control, or set gnss_shift: none."
+            f"{placed} can be used here. Give more control, or set gnss_shift: auto."
         )
 
 
@@ -340,7 +353,8 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     network, state, good = starting_values(have.material, problem, parts, datum, _vertical_sigma(have))
-    network = network.with_lever(choices.lever_arm, _lever_sigma(choices, problem), choices.gnss_shift)
+    shifted = common_shift(network.photos) if choices.gnss_shift == "constant" else NOT_SHIFTED
+    network = network.with_antenna(choices.lever_arm, _lever_sigma(choices, problem), shifted)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
         network = replace(network, variation=variation_of(choices.variation, motion))
@@ -349,14 +363,66 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
     fixed = choices.interior.kind == "fixed"
     try:
-        held = _held(network, problem, choices.interior)
-        tested = adjust_with_demanded(network, state.with_lever(network.lever), rays, test, problem.camera_names, held, fixed)
-        weak = away_from_its_position(tested.result, datum.positions_aside)
+        tested, causes = _explained(
+            have, problem, datum, _Start(network, state.with_antenna(network), rays, test, choices.interior)
+        )
+        # Positions that offsets bring into agreement take part again.
+        aside = datum.positions_aside & ~tested.result.network.centre_weight.any(axis=1)
+        weak = away_from_its_position(tested.result, aside)
     except GeometryError as error:
         # Without a result there are no rejected rays, so all that are sufficiently observed are judged.
         weak = weakest(network, state, sufficiently_observed(network, rays))
         return _Attempt(problem, datum, rays, findings, error, weak, str(error))
-    return _Attempt(problem, datum, rays, findings, tested, weak, AWAY)
+    return _Attempt(problem, datum, rays, (*causes, *findings), tested, weak, AWAY)
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """What an adjustment starts with."""
+
+    network: Network
+    state: State
+    rays: Rays
+    test: BlunderTest
+    interior: InteriorChoice
+
+    def adjusted(self, problem: Problem) -> Tested:
+        """The adjustment. Raises GeometryError as `adjust_tested`."""
+        held, fixed = _held(self.network, problem, self.interior), self.interior.kind == "fixed"
+        return adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
+
+
+def _explained(have: _Input, problem: Problem, datum: Datum, start: _Start) -> tuple[Tested, tuple[BlockFinding, ...]]:
+    """The adjustment; with constant errors of the positions as unknowns where the sources contradict each other without, and the
+    findings about these. Raises GeometryError as `adjust_tested`."""
+    tested, failure = None, None
+    try:
+        tested = start.adjusted(problem)
+    except GeometryError as error:
+        # Sources that contradict each other are a likely cause: the start shows them as well.
+        failure = error
+    sources = None
+    if have.choices.gnss_shift == "auto":
+        sources = block_sources(have.photos, problem, datum, start.network, tested.result.state if tested else start.state)
+    if sources is not None and sources.has_offsets:
+        try:
+            state = tested.result.state if tested else start.state
+            given = problem.known.position - datum.origin, problem.known.position_sigma
+            network, state = with_offsets(sources, start.network, state, *given)
+            again = replace(start, network=network, state=state).adjusted(problem)
+            offsets = offsets_of(again.result, problem.names)
+            return again, tuple(offset_findings(offsets, sources, problem.names, _heights(have, problem)))
+        except GeometryError as error:
+            failure = failure or error
+    if tested is None:
+        raise failure or GeometryError(UNDETERMINED)
+    return tested, ()
+
+
+def _heights(have: _Input, problem: Problem) -> str | None:
+    """What the heights of the positions refer to, where all tags say the same."""
+    kinds = {have.photos[name].height_kind for name in problem.names}
+    return kinds.pop() if len(kinds) == 1 else None
 
 
 def _held(network: Network, problem: Problem, choice: InteriorChoice) -> np.ndarray:
@@ -395,8 +461,12 @@ def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
     undetermined = any(isinstance(finding, InteriorFixed) for finding in of_cameras)
     lenses = () if undetermined else contradicted_lenses(tested.result, attempt.problem.camera_names)
     findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras, *lenses)
-    datum = _explained_datum(attempt.datum, tested)
-    return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart)
+    sources = block_sources(have.photos, attempt.problem, attempt.datum, tested.result.network, tested.result.state)
+    statements = source_statements(sources, attempt.problem.camera_names)
+    of_sources = contradicted_sources(sources, statements)
+    findings = (*findings, *of_sources)
+    datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
+    return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart, statements)
 
 
 def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:
@@ -407,9 +477,10 @@ def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:
     return finding.model_copy(update={"guessed": is_guessed(camera)})
 
 
-def _explained_datum(datum: Datum, tested: Tested) -> Datum:
-    """The datum without its misfit before the adjustment, where a camera constant that was replaced explains it."""
-    if not any(isinstance(finding, ConstantContradicted) and not finding.fixed for finding in tested.findings):
+def _explained_datum(datum: Datum, tested: Tested, caused: bool) -> Datum:
+    """The datum without its misfit before the adjustment, where a camera constant that was replaced explains it, or a cause
+    that the sources show."""
+    if not caused and not any(isinstance(finding, ConstantContradicted) and not finding.fixed for finding in tested.findings):
         return datum
     return replace(datum, findings=tuple(finding for finding in datum.findings if not isinstance(finding, DatumMisfit)))
 

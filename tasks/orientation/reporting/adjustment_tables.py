@@ -2,6 +2,7 @@
 
 from orthomill.schemas.orientation import BlockPrecision, DistanceResidual, GroundResiduals
 from orthomill.schemas.stage_report import Grid
+from orthomill.tasks.orientation.reporting.source_tables import source_grids
 
 TITLES = {"control": "Ground control", "check": "Check points (took no part)", "position": "GNSS positions"}
 DIFFERENCES = ("name", "dX", "dY", "dZ", "predicted sigma X", "predicted sigma Y", "predicted sigma Z")
@@ -14,7 +15,7 @@ def ground_grids(ground: GroundResiduals) -> tuple[Grid, ...]:
 
 def adjustment_grids(precision: BlockPrecision, distances: tuple[DistanceResidual, ...]) -> tuple[Grid, ...]:
     """The tables of the adjustment; those without a row are left out by the report."""
-    return _groups(precision), _largest(precision), _distances(distances), _antenna(precision)
+    return _groups(precision), _largest(precision), _distances(distances), _antenna(precision), *source_grids(precision)
 
 
 def _ground(ground: GroundResiduals, role: str) -> Grid:

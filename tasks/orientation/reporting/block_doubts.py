@@ -17,8 +17,11 @@ from orthomill.schemas.findings.block_findings import (
     LensContradicted,
     LooksUpward,
     NoDatum,
+    OffsetAdjusted,
     PositionsElsewhere,
+    SourcesDisagree,
     TiltUnobserved,
+    UnitContradicted,
 )
 from orthomill.tasks.orientation.reporting.block_facts import Facts, told_findings
 from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
@@ -27,6 +30,9 @@ from orthomill.tasks.orientation.reporting.several_findings import finding_sente
 GRAVE = (
     BlockBent,
     NoDatum,
+    UnitContradicted,
+    SourcesDisagree,
+    OffsetAdjusted,
     ControlUnmet,
     LooksUpward,
     AxesExchanged,

@@ -9,6 +9,7 @@ from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.orientation.reporting.block_answers import accuracy
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
+from orthomill.tasks.orientation.reporting.source_tables import source_figures
 
 PLACES = {
     "control": "at the control points, which hold the block",
@@ -27,6 +28,7 @@ def block_figures(facts: Facts) -> tuple[Figure, ...]:
         *_sigma0(facts),
         *_observations(facts),
         *_precision(facts),
+        *source_figures(facts.precision),
         *_coverage(facts),
         *(figure for word, role in ROLES.items() for figure in _ground(facts.ground.of_role(role), word)),
     )

@@ -12,6 +12,7 @@ from orthomill.schemas.findings.block_findings import (
     InteriorUndetermined,
     MeasurementsRejected,
     TiePointsMisfit,
+    UnitContradicted,
 )
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
@@ -181,14 +182,16 @@ def _overlap_warnings(facts: Facts) -> Iterator[str]:
 
 def _factor_warnings(facts: Facts) -> Iterator[str]:
     precision = facts.precision
-    if precision.position_factor > 1.0:
+    # Standard errors that a wrong unit has enlarged say nothing of positions or control.
+    unit = any(isinstance(finding, UnitContradicted) for finding in precision.findings)
+    if precision.position_factor > 1.0 and not unit:
         factor = precision.position_factor
         yield (
             f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times. State their true "
             "precision, or look for single wrong ones."
         )
     # Control without heights is worse than anything that was stated of it, and is told as such.
-    if precision.control_factor > 1.0 and not heights_missing(facts.control):
+    if precision.control_factor > 1.0 and not unit and not heights_missing(facts.control):
         yield worse_control(facts.control, precision.control_factor)
     # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)

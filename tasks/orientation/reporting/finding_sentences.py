@@ -46,6 +46,7 @@ from orthomill.schemas.findings.block_findings import (
     TiltUnobserved,
     Vector,
 )
+from orthomill.tasks.orientation.reporting.source_sentences import SOURCE_SENTENCES
 from orthomill.tasks.orientation.start.up_direction import SENTENCES
 
 MOSTLY_CAMERA = 0.5
@@ -455,3 +456,7 @@ def block_unexamined(finding: BlockUnexamined) -> str:
         f"No tie points of the project examine the orientation that was read from {finding.source}: with the stage tie_points in "
         "the workflow the report would show how well it fits."
     )
+
+
+for _sentence in SOURCE_SENTENCES:
+    finding_sentence.register(_sentence)

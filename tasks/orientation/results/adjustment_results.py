@@ -16,12 +16,14 @@ from orthomill.schemas.findings.block_findings import (
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
+from orthomill.tasks.adjustment.model.network import Network, common_shift
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 from orthomill.tasks.orientation.shape.bent_block import bent_block
 from orthomill.tasks.orientation.shape.shape_precision import shape_precision
+from orthomill.tasks.orientation.sources.source_findings import covered_by, offsets_of
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -48,10 +50,12 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         rays=int(result.used.sum()),
         # Measurements of points that never got a place count as rejected: they took no part either.
         rejected=int(problem.measured - result.used.sum()),
-        gnss_shift=_vector(result.state.shift) if network.shift else None,
-        gnss_shift_sigma=_sigmas(result, network.shift_columns),
+        gnss_shift=_vector(result.state.shift) if _is_common(network) else None,
+        gnss_shift_sigma=_sigmas(result, network.shift_columns) if _is_common(network) else None,
         lever_arm=_vector(result.state.lever) if result.state.lever.any() or len(network.lever_columns) else None,
         lever_arm_sigma=_sigmas(result, network.lever_columns),
+        offsets=() if _is_common(network) else offsets_of(result, problem.names),
+        sources=results.statements,
         groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
@@ -64,13 +68,24 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         findings=(
             *bent_block(results),
             *results.datum.findings,
-            *contradictions(results, points, distances, control),
+            *_unexplained(results, contradictions(results, points, distances, control)),
             *results.findings,
             *_nominal_constants(problem, result),
             *_moved_principal_points(results),
             *_unconnected(problem, apart),
         ),
     )
+
+
+def _unexplained(results: BlockResults, found: Iterator[BlockFinding]) -> Iterator[BlockFinding]:
+    """The contradictions that no cause explains which the sources show."""
+    covered = covered_by(results.findings)
+    return (finding for finding in found if not isinstance(finding, covered))
+
+
+def _is_common(network: Network) -> bool:
+    """Whether all positions share one shift in all coordinates."""
+    return network.shifts == 3 and bool((network.shift == common_shift(network.photos)).all())
 
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ import numpy as np
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
-from orthomill.tasks.adjustment.model.datum import distance_residuals, position_residuals
+from orthomill.tasks.adjustment.model.datum import antennas, distance_residuals, position_residuals
 from orthomill.tasks.adjustment.testing.surveyed_blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
@@ -47,8 +47,8 @@ def position_rows(results: BlockResults) -> list[GroundResidual]:
     """Positions of the photographs, also those that took no part."""
     problem, result, rows = results.problem, results.result, []
     state, network = result.state, result.network
-    # What a receiver measured: the centre, moved by the lever arm (image system, so R^T) and by the common shift.
-    antenna = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever) + state.shift + results.datum.origin
+    # What a receiver measured: the centre, moved by the lever arm (image system, so R^T) and by its shift.
+    antenna = antennas(network, state) + results.datum.origin
     number = np.flatnonzero(np.isfinite(problem.known.position).all(axis=1))
     spreads = (np.diagonal(position_covariances(r, number), axis1=1, axis2=2) for r in (result, result.as_computed))
     for i, spread, white in zip(number, *spreads, strict=True):

@@ -8,7 +8,7 @@ from small_network import small_network
 
 from orthomill.tasks.adjustment.model.collinearity import derivatives
 from orthomill.tasks.adjustment.model.linearisation import linearised, seen_pattern, structure
-from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays
 
 
 def pairs_of(pattern):
@@ -63,7 +63,7 @@ def test_a_kept_point_is_a_column_instead_of_a_point():
 
 def test_photographs_have_a_block_if_they_share_a_point():
     network, state, _ = small_network(interior_free=())
-    network = replace(network, shift=False)
+    network = replace(network, shift=NOT_SHIFTED)
     point, photo = np.array([0, 0, 1, 1, 2, 2], np.int32), np.array([0, 1, 1, 2, 0, 1], np.int32)
     rays = Rays(point, photo, np.zeros((6, 2)), np.ones(6))
     pattern = seen_pattern(linearised(network, state, rays), network.group_start)
@@ -72,7 +72,7 @@ def test_photographs_have_a_block_if_they_share_a_point():
 
 def test_a_camera_has_a_block_with_all_of_its_photographs():
     network, state, rays = small_network(photos=4, interior_free=(0,))
-    pattern = seen_pattern(linearised(network, state, rays), replace(network, shift=False).group_start)
+    pattern = seen_pattern(linearised(network, state, rays), replace(network, shift=NOT_SHIFTED).group_start)
     assert {(photo, 4) for photo in range(4)} <= pairs_of(pattern)
 
 

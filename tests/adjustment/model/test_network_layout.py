@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_network import small_network
 
-from orthomill.tasks.adjustment.model.network import Distances, Interior, Rays, ray_columns
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Distances, Interior, Rays, common_shift, ray_columns
 
 CHOICES = st.fixed_dictionaries(
     {
@@ -22,7 +22,8 @@ CHOICES = st.fixed_dictionaries(
 
 def network_of(free, shift, lever, kept):
     network, state, rays = small_network(interior_free=tuple(free))
-    network = replace(network, shift=shift, kept=np.array(sorted(kept), np.int64), lever_weight=np.full(3, 100.0 * lever))
+    shifted = common_shift(network.photos) if shift else NOT_SHIFTED
+    network = replace(network, shift=shifted, kept=np.array(sorted(kept), np.int64), lever_weight=np.full(3, 100.0 * lever))
     return network, state, rays
 
 
@@ -104,10 +105,10 @@ def test_the_rank_defect_of_a_network(free, weight, defect):
 
 def test_a_free_network_has_neither_lever_arm_nor_shift():
     free, _, _ = small_network(free=True)
-    assert free.with_lever((1.0, 0.0, 0.0), 0.05, True) is free
+    assert free.with_antenna((1.0, 0.0, 0.0), 0.05, common_shift(4)) is free
     network, _, _ = small_network()
-    known, estimated = (network.with_lever((1.0, 0.0, 0.0), sigma, False) for sigma in (0.0, 0.05))
-    assert not len(known.lever_columns) and len(estimated.lever_columns) == 3 and not known.shift
+    known, estimated = (network.with_antenna((1.0, 0.0, 0.0), sigma, NOT_SHIFTED) for sigma in (0.0, 0.05))
+    assert not len(known.lever_columns) and len(estimated.lever_columns) == 3 and not known.shifts
     assert estimated.lever_weight == pytest.approx(np.full(3, 400.0))
 
 

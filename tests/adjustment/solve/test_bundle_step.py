@@ -10,6 +10,7 @@ from small_network import moved, small_network
 
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.datum import freedoms
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.bundle_step import BundleStep, step_of
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
 from orthomill.tasks.adjustment.solve.whole_block import WholeMotion, motion_in
@@ -70,7 +71,7 @@ def test_control_of_metres_does_not_slow_the_minimisation():
     network, truth, rays = small_network(6, photos=9, points=60, noise=1.0, interior_free=())
     weight = np.zeros_like(network.point_weight)
     weight[:5] = 1e-4
-    rough = replace(network, point_weight=weight, centre_weight=0.0 * network.centre_weight, shift=False)
+    rough = replace(network, point_weight=weight, centre_weight=0.0 * network.centre_weight, shift=NOT_SHIFTED)
     rough = replace(rough, point=network.point + np.random.default_rng(1).normal(0, 5.0, network.point.shape))
     _, steps = minimise(rough, moved(truth, np.random.default_rng(2), 0.05), rays, damping=NEAR)
     assert steps <= 5

@@ -9,7 +9,7 @@ from small_network import moved, small_network
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
 from orthomill.tasks.adjustment.model.datum import prior_cost
-from orthomill.tasks.adjustment.model.network import Distances
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Distances, common_shift
 from orthomill.tasks.adjustment.solve.minimise import NotConverged, minimise
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
@@ -20,7 +20,7 @@ def with_control(network, points=None, sigma=1e-6):
     """The network with (nearly) error-free control on the first points, and nothing known of the positions."""
     weight = np.zeros_like(network.point_weight)
     weight[:points] = 1 / sigma**2
-    return replace(network, point_weight=weight, centre_weight=np.zeros_like(network.centre_weight), shift=False)
+    return replace(network, point_weight=weight, centre_weight=np.zeros_like(network.centre_weight), shift=NOT_SHIFTED)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -67,7 +67,7 @@ def test_the_shift_of_the_positions_is_separated_by_control():
     network = replace(network, centre=network.centre + SHIFT, centre_weight=np.full((4, 3), 1e4))
     state, _ = minimise(network, truth, rays)
     assert state.shift == pytest.approx(SHIFT, abs=1e-3)
-    rigid, _ = minimise(replace(network, shift=False, point_weight=np.zeros_like(network.point_weight)), truth, rays)
+    rigid, _ = minimise(replace(network, shift=NOT_SHIFTED, point_weight=np.zeros_like(network.point_weight)), truth, rays)
     assert not rigid.shift.any() and rigid.centre - truth.centre == pytest.approx(np.tile(SHIFT, (4, 1)), abs=1e-3)
 
 
@@ -86,7 +86,7 @@ def test_hubers_weights_limit_the_influence_of_a_wrong_position():
     network, truth, rays = small_network(photos=6, points=40)
     centre = network.centre.copy()
     centre[2] += [3.0, 0.0, 0.0]
-    wrong = replace(network, centre=centre, shift=False)
+    wrong = replace(network, centre=centre, shift=NOT_SHIFTED)
     plain, robust = (minimise(wrong, truth, rays, huber)[0] for huber in (np.inf, 2.0))
     pulled, kept = (np.linalg.norm(s.centre - truth.centre, axis=1).max() for s in (plain, robust))
     assert kept < 0.2 * pulled
@@ -105,7 +105,7 @@ def test_the_cost_never_rises():
 def test_photographs_without_a_datum_are_refused():
     network, truth, rays = small_network(interior_free=())
     nothing = replace(
-        network, centre_weight=np.zeros((4, 3)), point_weight=np.zeros_like(network.point_weight), shift=True, free=False
+        network, centre_weight=np.zeros((4, 3)), point_weight=np.zeros_like(network.point_weight), shift=common_shift(4), free=False
     )
     with pytest.raises(GeometryError, match=r"not determined|did not converge"):
         minimise(nothing, moved(truth, np.random.default_rng(0), 1.0), rays)

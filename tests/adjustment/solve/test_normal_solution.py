@@ -9,7 +9,7 @@ from small_network import dense, moved, pattern, prior_alone, small_network
 
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms
 from orthomill.tasks.adjustment.model.linearisation import linearised, structure
-from orthomill.tasks.adjustment.model.network import Rays, State
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import (
     SINGULAR,
     _invert,
@@ -25,7 +25,7 @@ def normal_case(depth, base, c, sigma):
     """Two vertical photographs at a distance `base`, and one point halfway between them."""
     network, _, _ = small_network(photos=2, points=1, interior_free=())
     centre = np.array([[0.0, 0.0, depth], [base, 0.0, depth]])
-    network = replace(network, shift=False, point_weight=np.zeros((1, 3)))
+    network = replace(network, shift=NOT_SHIFTED, point_weight=np.zeros((1, 3)))
     interior = np.array([[c, 0, 0, 0, 0, 0, 0, 0]], float)
     state = State(np.tile(np.eye(3), (2, 1, 1)), centre, np.array([[base / 2, 0.0, 0.0]]), interior, np.zeros(3))
     rays = Rays(np.zeros(2, np.int32), np.arange(2, dtype=np.int32), np.zeros((2, 2)), np.full(2, sigma))

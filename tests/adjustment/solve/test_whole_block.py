@@ -8,6 +8,7 @@ from small_network import small_network
 
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.datum import prior_cost
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.whole_block import fitted_whole
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
@@ -50,7 +51,10 @@ def test_a_block_at_its_optimum_is_left_as_it_is():
 def test_what_is_not_determined_stays():
     network, truth, _ = small_network(photos=4)
     height = replace(
-        network, centre_weight=network.centre_weight * [0, 0, 1], point_weight=np.zeros_like(network.point_weight), shift=False
+        network,
+        centre_weight=network.centre_weight * [0, 0, 1],
+        point_weight=np.zeros_like(network.point_weight),
+        shift=NOT_SHIFTED,
     )
     state = fitted_whole(height, transformed(truth, shift=(3.0, 4.0, 5.0)))
     assert state.centre[:, 2] == pytest.approx(truth.centre[:, 2], abs=1e-6)
@@ -71,7 +75,7 @@ def test_a_wrong_position_counts_less_with_hubers_weights():
     network, truth, _ = small_network(photos=6, seed=1)
     centre = network.centre.copy()
     centre[0] += [20.0, 0.0, 0.0]
-    wrong = replace(network, centre=centre, point_weight=np.zeros_like(network.point_weight), shift=False)
+    wrong = replace(network, centre=centre, point_weight=np.zeros_like(network.point_weight), shift=NOT_SHIFTED)
     plain, robust = (fitted_whole(wrong, transformed(truth, shift=(1.0, 0.0, 0.0)), huber) for huber in (np.inf, 2.0))
     away = [np.abs(s.centre - truth.centre).max() for s in (plain, robust)]
     assert away[1] < 0.5 * away[0]

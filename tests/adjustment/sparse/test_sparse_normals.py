@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.datum import add_prior, freedoms
 from orthomill.tasks.adjustment.model.linearisation import linearised, structure
-from orthomill.tasks.adjustment.model.network import Distances, Interior, Network, Rays, State
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Distances, Interior, Network, Rays, State, common_shift
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import inverse_of
 from orthomill.tasks.adjustment.sparse.block_cholesky import factorised, structure_of
@@ -54,7 +54,7 @@ def strips(seed, rows=2, per=22, apart=False, free=False, considered=False, ante
         point,
         known,
         np.full(photos, 0.0 if free else 10.0),
-        shift=antenna,
+        shift=common_shift(photos) if antenna else NOT_SHIFTED,
         free=free,
         lever=state.lever,
         lever_weight=np.full(3, 1 / 0.05**2 if antenna else 0.0),

@@ -8,7 +8,7 @@ from small_network import small_network
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.linearisation import linearised
-from orthomill.tasks.adjustment.model.network import Rays
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, points_elsewhere, with_considered
 
 
@@ -16,7 +16,7 @@ from orthomill.tasks.adjustment.testing.covariances import covariance_of, points
 def chain():
     """A chain of photographs, each of which shares points with its neighbours only."""
     network, state, rays = small_network(photos=10, points=60, interior_free=())
-    network = replace(network, shift=False)
+    network = replace(network, shift=NOT_SHIFTED)
     near = rays.photo // 2 == np.minimum(rays.point // 13, 4)
     linked = (rays.photo // 2 == np.minimum(rays.point // 13, 4) + 1) & (rays.point % 13 < 6)
     rays = rays.take(near | linked)
@@ -109,7 +109,7 @@ def test_what_is_not_determined_is_refused(lacking):
     network, state, rays = small_network(interior_free=())
     if lacking == "datum":
         nothing = np.zeros_like(network.point_weight)
-        network = replace(network, point_weight=nothing, centre_weight=np.zeros((4, 3)), shift=False)
+        network = replace(network, point_weight=nothing, centre_weight=np.zeros((4, 3)), shift=NOT_SHIFTED)
     else:
         rays = rays.take((rays.photo != 2) | (rays.point == 7))
     with pytest.raises(GeometryError, match="not determined"):

@@ -8,6 +8,7 @@ from scipy.stats import chi2, norm
 from small_network import dense, more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.bundle import adjust
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind, without
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED
@@ -64,7 +65,7 @@ def test_misfits_of_control_are_the_quadratic_forms_of_dense_algebra(good):
 
 def test_misfits_of_positions_are_those_of_the_antennas(good):
     network, state, rays = good
-    result = solved(replace(network, shift=False), state, rays)
+    result = solved(replace(network, shift=NOT_SHIFTED), state, rays)
     number, square, dof = _misfits(result, POSITION)
     Q = result.cofactor.joint(np.arange(3))
     v = network.centre[0] - result.state.centre[0]
@@ -78,7 +79,7 @@ def test_a_coordinate_that_defines_the_datum_is_not_tested():
     weight[:3] = 1e4
     # Seven coordinates hold the datum alone: none of them is checked by another.
     weight[1, 2] = weight[2, 0] = 0.0
-    minimal = replace(network, point_weight=weight, centre_weight=np.zeros((4, 3)), shift=False)
+    minimal = replace(network, point_weight=weight, centre_weight=np.zeros((4, 3)), shift=NOT_SHIFTED)
     _, _, dof = _misfits(solved(minimal, state, rays), CONTROL)
     assert not dof.any()
     assert surveyed_blunder(solved(minimal, state, rays), 3.0) is None

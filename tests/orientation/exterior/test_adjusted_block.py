@@ -101,7 +101,7 @@ def test_shift_of_the_positions_is_found_with_control():
     block = two_strips(6)
     shift = np.array([3.0, -2.0, 5.0])
     moved = tuple(p.model_copy(update={"position": tuple(np.array(p.position) + shift)}) for p in block.photos.photos)
-    out = orient(replace(block, photos=Photos(photos=moved)), gnss_shift=True)
+    out = orient(replace(block, photos=Photos(photos=moved)), gnss_shift="constant")
     error = (np.array(out["precision"].gnss_shift) - shift) / out["precision"].gnss_shift_sigma
     assert np.abs(error).max() < 4
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
@@ -109,7 +109,7 @@ def test_shift_of_the_positions_is_found_with_control():
 
 def test_shift_without_control_is_refused():
     with pytest.raises(GeometryError, match="shift"):
-        orient(two_strips(6, control=0), gnss_shift=True)
+        orient(two_strips(6, control=0), gnss_shift="constant")
 
 
 @pytest.mark.parametrize(("share", "guessed"), [(0.25, True), (0.03, False)])

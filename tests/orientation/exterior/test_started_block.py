@@ -69,7 +69,7 @@ def test_a_table_of_angles_is_a_start():
         lines.append(",".join([v.name, *map(str, numbers)]))
     source = FromAngles(kind="csv", path="ori.csv", use="start")
     relative = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
-    choices = BlockChoices(interior=FIXED, gnss_shift=False, vertical_sigma=5.0, rejection=4.0)
+    choices = BlockChoices(interior=FIXED, gnss_shift="none", vertical_sigma=5.0, rejection=4.0)
     texts = ("\n".join(lines[:-1]),)
     out = orient_from(block.photos, block.cameras, block.tie_points, block.control, relative, texts, "EPSG:2100", choices, source)
     assert len(out.block.photos) == 6 and out.block.sigma0_px == pytest.approx(0.3, rel=0.1)

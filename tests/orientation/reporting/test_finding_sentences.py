@@ -104,6 +104,52 @@ SPOKEN = [
     (f.PositionContradicted(photo="a", difference=(9.0, 0.0, 0.0), ratio=90.0), ["position of a", "+9.00", "90 times"]),
     (f.PositionsElsewhere(photos=6, distance_m=53852.0), ["6 photographs", "53.9 km", "another CRS"]),
     (f.PositionsElsewhere(photos=6, distance_m=87.6), ["88 m"]),
+    (
+        f.OffsetAdjusted(
+            photos=("a", "b", "c"),
+            against="others",
+            offset=(None, None, 15.12),
+            sigma=(None, None, 0.41),
+            tilt_deg=10.04,
+            moved_m=9.6,
+        ),
+        [
+            "heights of the positions of a to c (3 photographs) lie 15.12 m (standard error 0.41 m) above those of the others",
+            "10.0 deg",
+        ],
+    ),
+    (
+        f.OffsetAdjusted(
+            photos=("a", "b"), against="others", offset=(0.3, -0.2, 0.1), sigma=(0.01,) * 3, tilt_deg=0.1, moved_m=0.3
+        ),
+        ["positions of a, b lie +0.30 m in X (standard error 0.01 m), -0.20 m in Y", "+0.10 m in height", "give control"],
+    ),
+    (
+        f.OffsetAdjusted(
+            photos=("a", "b", "c"),
+            against="control",
+            offset=(None, None, 47.23),
+            sigma=(None, None, 0.05),
+            tilt_deg=0.0,
+            moved_m=47.2,
+            heights="ellipsoidal",
+        ),
+        ["(the tags say: above the ellipsoid) lie 47.23 m (standard error 0.05 m) above the control", "both keep", "height system"],
+    ),
+    (
+        f.UnitContradicted(unit="feet", heights_only=True, given_m=368.2, fits_m=0.1),
+        ["heights of the control are in feet", "by 368.2 m", "by 0.1 m"],
+    ),
+    (
+        f.UnitContradicted(unit="metres", heights_only=False, given_m=36.2, fits_m=0.1),
+        ["coordinates of the control are in metres that were taken for feet"],
+    ),
+    (
+        f.SourcesDisagree(
+            source="attitudes", parameter="tilt about X", unit="degrees", value=0.1, sigma=0.6, others=9.8, others_sigma=0.7
+        ),
+        ["in the tilt about X", "attitudes would change it by +0.10 degrees (standard error 0.60)", "all others by +9.80"],
+    ),
     (f.PositionsAlongView(photos=6, along_m=-38.4), ["by 38.4 m along the viewing direction", "above the sea"]),
     (
         f.DistanceContradicted(first="A", second="B", length=12.5, difference=0.25, ratio=9.0, outcome="excluded"),

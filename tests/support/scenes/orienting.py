@@ -11,7 +11,7 @@ from orthomill.tasks.orientation.reporting.finding_sentences import finding_sent
 
 def orient(block, given=None, relative=None, **changes):
     """The tables of the stage; `relative`: the related pairs, where they are known already."""
-    usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": False, "vertical_sigma": 5.0, "rejection": 4.0}
+    usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": "auto", "vertical_sigma": 5.0, "rejection": 4.0}
     relative = relative or relate_pairs(block.photos, block.cameras, block.tie_points, 15)
     choices = BlockChoices(**(usual | changes))
     out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)

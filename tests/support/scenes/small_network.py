@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from orthomill.tasks.adjustment.model.collinearity import derivatives, residuals
 from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.linearisation import linearised, structure
-from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State, ray_columns
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Interior, Network, Rays, State, common_shift, ray_columns
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, pattern_of
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
@@ -40,7 +40,7 @@ def small_network(seed=0, photos=4, points=30, noise=0.0, free=False, interior_f
         point,
         known,
         np.zeros(photos),
-        shift=not free,
+        shift=NOT_SHIFTED if free else common_shift(photos),
         free=free,
     )
     return network, state, rays

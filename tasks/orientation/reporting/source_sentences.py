@@ -1,0 +1,71 @@
+"""The words of the report for contradictions between sources."""
+
+from orthomill.schemas.findings.block_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted
+
+HEIGHT = 2
+_KINDS = {
+    "ellipsoidal": " (the tags say: above the ellipsoid)",
+    "sea_level": " (the tags say: above the sea)",
+    "barometric": " (the tags say: by the air pressure)",
+    "relative": " (the tags say: above the place of take-off)",
+}
+
+
+def offset_adjusted(finding: OffsetAdjusted) -> str:
+    """A constant error of all positions against the control, or of some against the others."""
+    heights_only = finding.offset[0] is None and finding.offset[1] is None
+    own, size = "heights of the positions" if heights_only else "positions", _height(finding) if heights_only else _vector(finding)
+    if finding.against == "control":
+        kind = _KINDS.get(finding.heights or "", "")
+        cause, compare = (", as heights in two systems do", "height system") if heights_only else ("", "reference system")
+        return (
+            f"The {own}{kind} lie {size} the control{cause}: they were adjusted with one offset, and both keep their standard "
+            f"errors. State the {compare} of each in the workflow, or correct one of them."
+        )
+    return (
+        f"The {own} of {_photographs(finding.photos)} lie {size} those of the others in the block: they were adjusted with an "
+        f"offset of their own. Without it the block would be tilted by {finding.tilt_deg:.1f} degrees and lie up to "
+        f"{finding.moved_m:.1f} m elsewhere. Which of them are right the block cannot say: compare the heights of the flights, or "
+        "give control."
+    )
+
+
+def _photographs(names: tuple[str, ...]) -> str:
+    return ", ".join(names) if len(names) < 3 else f"{names[0]} to {names[-1]} ({len(names)} photographs)"
+
+
+def _height(finding: OffsetAdjusted) -> str:
+    value, sigma = finding.offset[HEIGHT] or 0.0, finding.sigma[HEIGHT] or 0.0
+    return f"{abs(value):.2f} m (standard error {sigma:.2f} m) {'above' if value > 0 else 'below'}"
+
+
+def _vector(finding: OffsetAdjusted) -> str:
+    known = zip(("X", "Y", "height"), finding.offset, finding.sigma, strict=True)
+    values = [
+        f"{value:+.2f} m in {name} (standard error {sigma or 0.0:.2f} m)" for name, value, sigma in known if value is not None
+    ]
+    return f"{', '.join(values)} away from"
+
+
+def unit_contradicted(finding: UnitContradicted) -> str:
+    """Control in feet that was taken for metres, or the other way round."""
+    what = "heights of the control" if finding.heights_only else "coordinates of the control"
+    are = "in feet" if finding.unit == "feet" else "in metres that were taken for feet"
+    return (
+        f"The {what} are {are}: as given they miss the other sources by {finding.given_m:.1f} m in height, in that unit by "
+        f"{finding.fits_m:.1f} m. The block is wrong until the file states its unit (crs, with its vertical part) or is in metres."
+    )
+
+
+def sources_disagree(finding: SourcesDisagree) -> str:
+    """A contradiction for which no cause was found."""
+    unit = finding.unit
+    return (
+        f"The sources contradict each other in the {finding.parameter} of the block: {finding.source} would change it by "
+        f"{finding.value:+.2f} {unit} (standard error {finding.sigma:.2f}), all others by {finding.others:+.2f} {unit} (standard "
+        f"error {finding.others_sigma:.2f}). No flight, height system, unit or camera constant explains it; compare them before "
+        "the result is used."
+    )
+
+
+SOURCE_SENTENCES = (offset_adjusted, unit_contradicted, sources_disagree)

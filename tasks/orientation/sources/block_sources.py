@@ -1,0 +1,196 @@
+"""From an adjusted block to what its sources say of it, and back to a network with the offsets that they need."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.schemas.photo import Photo, Photos
+from orthomill.tasks.adjustment.model.interior import given_sigmas
+from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.adjustment.solve.whole_block import WholeMotion
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.block.assembly import MEETING, Problem
+from orthomill.tasks.orientation.control.ground_points import approximate_points
+from orthomill.tasks.orientation.sources.causes import Findings, Groups, causes_of
+from orthomill.tasks.orientation.sources.evidence import Told, equations
+from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
+from orthomill.tasks.orientation.sources.robust_motion import Offset
+from orthomill.tasks.orientation.sources.source_table import Said, source_table
+from orthomill.tasks.orientation.start.georeference import FAR, Datum
+
+ATTITUDE_SIGMA = {"gimbal": (1.0, 0.5), "aircraft": (3.0, 1.0), "file": (2.0, 1.0)}
+"""Standard errors of attitudes by where they come from, degrees: of a photograph, and common to all (the mounting)."""
+IN_IMAGE = np.array([0.5, 0.5, 1.5])
+"""Standard errors of a control point that rays place, in pixels on the ground: heights are less precise than plan."""
+LEAST_SHARE = 1e-4
+"""Smallest standard error of a camera constant, in units of it; a constant that is held is not known without error."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSources:
+    """The block as a rigid body, what the sources say, which causes explain their contradictions, the table of what each says, and
+    how the photographs belong together."""
+
+    block: RigidBlock
+    told: Told
+    found: Findings
+    table: tuple[Said, ...]
+    groups: Groups
+
+    @property
+    def has_offsets(self) -> bool:
+        """Whether constant errors of the positions explain contradictions."""
+        return any(isinstance(cause, Offset) for cause in self.found.causes)
+
+    def offset_sigmas(self, photos: np.ndarray) -> dict[int, float]:
+        """Standard errors of the offset of `photos` (P,) bool against the others by coordinate, m, as the positions scatter: what
+        they have in common is no error of their difference. Empty for the offset of all, whose common error counts."""
+        place, after = len(self.found.after.parameters), self.found.after
+        for cause in reversed(self.found.causes):
+            place -= _numbers(cause)
+            if isinstance(cause, Offset) and not cause.photos.all() and (cause.photos == photos).all():
+                return {axis: float(np.sqrt(after.covariance[place + i, place + i])) for i, axis in enumerate(cause.axes)}
+        return {}
+
+
+def block_sources(photos: Photos, problem: Problem, datum: Datum, network: Network, state: State) -> BlockSources | None:
+    """What the sources say of a block with this `state`, as `network` gives them; None for a free network."""
+    if datum.free or not problem.known.positioned.any():
+        return None
+    rows = [photos[name] for name in problem.names]
+    block = _rigid(problem, state)
+    told, groups = _told(problem, datum, network, state, rows, block), _groups(rows)
+    found = causes_of(block, told, groups, datum.origin)
+    return BlockSources(block, told, found, tuple(_table(block, found)), groups)
+
+
+def _table(block: RigidBlock, found: Findings) -> list[Said]:
+    at = equations(block, found.told)
+    A = np.hstack([at.A, *(cause.columns(block, at) for cause in found.causes)])
+    return source_table(at, A, found.after)
+
+
+def _rigid(problem: Problem, state: State) -> RigidBlock:
+    ties = problem.rays.point < problem.ties
+    rays = problem.rays.take(ties & problem.good)
+    away = state.centre[rays.photo] - state.point[rays.point]
+    along = np.einsum("ni,ni->n", state.rotation[rays.photo, 2], away)
+    # Clipped, because single wrong points lie at any depth.
+    along = np.clip(along, *np.percentile(along, [2.0, 98.0])) if len(along) else along
+    count = np.bincount(rays.photo, minlength=len(problem.names))
+    depth = np.bincount(rays.photo, along, minlength=len(problem.names)) / np.maximum(count, 1)
+    depth = np.where(count > 0, depth, np.median(depth[count > 0]) if (count > 0).any() else 0.0)
+    constant = state.interior[problem.camera_of, 0]
+    surveyed = np.flatnonzero(~ties & problem.good)
+    own = problem.rays.take(surveyed)
+    own = replace(own, point=(own.point - problem.ties).astype(np.int32))
+    place, missed = approximate_points(state, problem.cameras, problem.camera_of, own, len(problem.surveyed))
+    place[missed > MEETING] = np.nan
+    return RigidBlock(state.centre, state.rotation, depth, problem.camera_of, place, float(np.median(depth / constant)))
+
+
+def _told(problem: Problem, datum: Datum, network: Network, state: State, rows: list[Photo], block: RigidBlock) -> Told:
+    known = problem.known
+    sigma = np.array([ATTITUDE_SIGMA[photo.attitude_of or "file"] for photo in rows])
+    has = np.array([photo.attitude is not None for photo in rows])
+    nothing = np.full((3, 3), np.nan)
+    attitude = np.array([nothing if p.attitude is None else rotation_matrix(*np.radians(p.attitude)) for p in rows])
+    given, constant = network.interior.value[:, 0], state.interior[:, 0]
+    share = np.maximum(given_sigmas(network.interior)[:, 0] / given, LEAST_SHARE)
+    return Told(
+        position=known.position - datum.origin,
+        position_sigma=np.where(known.positioned[:, None], known.position_sigma, np.nan),
+        control=known.control - datum.origin,
+        # Rays place a point in the block with an error of their own.
+        control_sigma=np.hypot(known.control_sigma, IN_IMAGE * block.pixel),
+        attitude=attitude,
+        attitude_sigma=np.radians(sigma[:, 0]),
+        mounting_sigma=float(np.radians(sigma[has, 1].max(initial=0.5))),
+        constant=given / constant - 1.0,
+        constant_sigma=share,
+    )
+
+
+def _groups(rows: list[Photo]) -> Groups:
+    keys = [(photo.flight, photo.serial or "", photo.height_kind or "") for photo in rows]
+    number = {key: i for i, key in enumerate(sorted(set(keys)))}
+    # Without the time of every photograph the order of their names is that of exposure, as cameras count.
+    timed = all(photo.time for photo in rows)
+    order = sorted(range(len(rows)), key=lambda i: (rows[i].time or "", i) if timed else ("", i))
+    return Groups(np.array([number[key] for key in keys]), np.array(order))
+
+
+def with_offsets(
+    sources: BlockSources, network: Network, state: State, known: np.ndarray, sigma: np.ndarray
+) -> tuple[Network, State]:
+    """The network with the offsets that were found as unknowns, and the state moved to where the sources agree with them; `known`
+    (P, 3) local positions with their standard errors `sigma` (P, 3), of which those that agree take part."""
+    shift, start = shifts_of(sources)
+    has = sources.told.positioned
+    usable = has & _agreeing(sources)
+    weight = np.where(usable[:, None], 1.0 / np.where(usable[:, None], sigma, 1.0) ** 2, 0.0)
+    centre = np.where(has[:, None], known, 0.0)
+    moved = _moved(state, sources.found.after.motion)
+    network = _with_attitudes(replace(network, shift=shift, centre=centre, centre_weight=weight), sources.told)
+    return network, replace(moved, shift=start)
+
+
+def _with_attitudes(network: Network, told: Told) -> Network:
+    """The network whose mean vertical is that of the attitudes: what an offset of a flight takes from the positions of the tilt of
+    the block, attitudes have to give."""
+    has = np.isfinite(told.attitude).all(axis=(1, 2))
+    if not has.any():
+        return network
+    # That of the mean, of which each photograph gets its share.
+    variance = told.mounting_sigma**2 + float((told.attitude_sigma[has] ** 2).mean()) / has.sum()
+    up = np.where(has[:, None], told.attitude[:, :, 2], 0.0)
+    return replace(network, up=up, vertical_weight=np.where(has, 1.0 / (variance * has.sum()), 0.0))
+
+
+def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
+    """The number of the unknown shift of each coordinate of each position (P, 3), -1 for none, and approximate shifts (S,) m."""
+    photos = len(sources.block.centre)
+    contains = np.zeros((photos, 3, 0), bool)
+    values: list[float] = []
+    place = len(sources.found.after.parameters) - sum(_numbers(cause) for cause in sources.found.causes)
+    for cause in sources.found.causes:
+        if isinstance(cause, Offset):
+            for i, axis in enumerate(cause.axes):
+                own = np.zeros((photos, 3, 1), bool)
+                own[cause.photos, axis] = True
+                contains = np.concatenate([contains, own], axis=2)
+                values.append(float(sources.found.after.parameters[place + i]))
+        place += _numbers(cause)
+    # Coordinates with the same causes share an unknown.
+    patterns, number = np.unique(
+        np.concatenate([np.tile(np.arange(3), photos)[:, None], contains.reshape(-1, len(values))], axis=1),
+        axis=0,
+        return_inverse=True,
+    )
+    used = patterns[:, 1:].any(axis=1)
+    column = np.where(used, np.cumsum(used) - 1, -1)
+    return column[number.ravel()].reshape(photos, 3), (patterns[used, 1:] @ np.array(values)).astype(float)
+
+
+def _numbers(cause: object) -> int:
+    return len(cause.axes) if isinstance(cause, Offset) else 1
+
+
+def _agreeing(sources: BlockSources) -> np.ndarray:
+    """(P,) bool: photographs whose positions agree with the block once the offsets are taken out."""
+    after = sources.found.after
+    has = after.has
+    A = np.hstack([has.A, *(cause.columns(sources.block, has) for cause in sources.found.causes)])
+    rest = after.parameters.copy()
+    rest[:7] = 0.0
+    sigma = has.sigma * np.array([after.scale[source] for source in after.scale])[has.source]
+    far = np.abs(has.y - A @ rest) > np.maximum(FAR * np.maximum(sigma, has.sigma), FAR * sources.block.pixel)
+    good = np.ones(len(sources.block.centre), bool)
+    good[has.photo[far & (has.photo >= 0) & (has.source != 3)]] = False
+    return good
+
+
+def _moved(state: State, motion: np.ndarray) -> State:
+    """The state after a motion of the whole block."""
+    numbers = np.concatenate([motion[:6], [np.log1p(motion[6])]])
+    return WholeMotion(numbers, state.centre.mean(axis=0), 1.0).of(state, np.arange(len(state.point)))

@@ -1,0 +1,155 @@
+"""The motion of the block that the sources together ask for, with the scatter that each of them shows.
+
+Residuals follow a t-distribution, so that single wrong positions, points or attitudes count little; its scale is estimated for each
+source along with the motion (expectation maximisation, Lange et al. 1989). Positions may scatter less than stated, because their
+stated errors are mostly common; control and attitudes are never better than stated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.tasks.orientation.sources.evidence import MOTION, Equations, Source, Told, equations
+from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
+
+FREEDOM = 5.0
+"""Degrees of freedom of the t-distribution of residuals: large errors are rare but not impossible."""
+STEPS, NEGLIGIBLE = 40, 1e-3
+"""Steps of the estimation, and the change of all scales, as a share, below which it ends."""
+TAKEN = {Source.PLAN: 3, Source.HEIGHT: 3, Source.CONTROL: 0, Source.ATTITUDE: 0}
+"""Parameters that a source alone determines and that take their share of its residuals."""
+OPEN = 1e-12
+"""Weight, in units of the largest, of what nothing is known of: keeps equations solvable where no source sees a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offset:
+    """A hypothesis: the positions of `photos` (P,) bool have a constant error in the coordinates `axes`."""
+
+    photos: np.ndarray
+    axes: tuple[int, ...]
+
+    def columns(self, block: RigidBlock, has: Equations) -> np.ndarray:
+        """(m, k) derivatives of the equations by its parameters."""
+        own = (has.photo >= 0) & (has.source != Source.ATTITUDE) & self.photos[has.photo]
+        return np.stack([own & (has.axis == axis) for axis in self.axes], axis=1).astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class Zoom:
+    """A hypothesis: the camera constant of `photos` (P,) bool is another one than that of the others."""
+
+    photos: np.ndarray
+
+    def columns(self, block: RigidBlock, has: Equations) -> np.ndarray:
+        """(m, 1) derivatives of the equations by the share of the difference."""
+        own = (has.photo >= 0) & (has.source != Source.ATTITUDE) & self.photos[has.photo]
+        return np.where(own, block.backwards[has.photo, has.axis], 0.0)[:, None]
+
+
+Cause = Offset | Zoom
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """What the sources say together: the `motion` (7,) of the block, all `parameters` (u,) with their `covariance` (those of the
+    causes last), `scale` by source: estimated by stated standard error, `weight` (m,) of the equations at the end (`has`), and
+    `misfit`: twice the negative logarithm of the likelihood."""
+
+    motion: np.ndarray
+    parameters: np.ndarray
+    covariance: np.ndarray
+    scale: dict[Source, float]
+    weight: np.ndarray
+    misfit: float
+    has: Equations
+
+
+def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), near: Explained | None = None) -> Explained:
+    """The most likely motion of a block and constant errors of its sources, given the causes; `near`: a solution with fewer causes
+    to start from."""
+    motion = np.zeros(7) if near is None else near.motion
+    at = block.moved(motion)
+    has = equations(at, told)
+    scale, total = dict.fromkeys(Source, np.inf), None
+    for _ in range(STEPS):
+        A = _with_causes(at, has, causes)
+        v = has.y if total is None else has.y - A @ _rest(total)
+        before, scale = scale, _scales(has, v, scale, at.pixel)
+        weight = _weights(has, v, scale)
+        total, covariance = _solved(has, A, weight, at_motion=motion)
+        motion = motion + total[MOTION]
+        at = block.moved(motion)
+        has = equations(at, told)
+        if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in Source):
+            break
+    A = _with_causes(at, has, causes)
+    v = has.y - A @ _rest(total)
+    parameters = total.copy()
+    parameters[MOTION] = motion
+    return Explained(motion, parameters, covariance, scale, weight, _misfit(has, v, scale, total), has)
+
+
+def _rest(total: np.ndarray) -> np.ndarray:
+    """The parameters without the motion, which the block has made already."""
+    rest = total.copy()
+    rest[MOTION] = 0.0
+    return rest
+
+
+def _with_causes(block: RigidBlock, has: Equations, causes: tuple[Cause, ...]) -> np.ndarray:
+    return np.hstack([has.A, *(cause.columns(block, has) for cause in causes)])
+
+
+def _spread(has: Equations, v: np.ndarray, source: Source, start: float) -> float:
+    """Estimated by stated standard error of a source."""
+    own = has.source == source
+    count = int(own.sum()) - TAKEN[source]
+    if count < 1:
+        return 1.0
+    size = v[own] / has.sigma[own]
+    if not np.isfinite(start):
+        return float(np.sqrt((size**2).mean()))
+    weight = (FREEDOM + 1.0) / (FREEDOM + (size / start) ** 2)
+    return float(np.sqrt((weight * size**2).sum() / count))
+
+
+def _scales(has: Equations, v: np.ndarray, scale: dict[Source, float], pixel: float) -> dict[Source, float]:
+    found = {}
+    for source in Source:
+        own = has.source == source
+        # The block itself is no better than a share of a pixel on the ground, and nothing of it shows less.
+        least = 1.0 if source in (Source.CONTROL, Source.ATTITUDE) or not own.any() else pixel / np.median(has.sigma[own])
+        found[source] = max(_spread(has, v, source, scale[source]), least)
+    return found
+
+
+def _weights(has: Equations, v: np.ndarray, scale: dict[Source, float]) -> np.ndarray:
+    sigma = has.sigma * np.array([scale[source] for source in Source])[has.source]
+    return (FREEDOM + 1.0) / (FREEDOM + (v / sigma) ** 2) / sigma**2
+
+
+def _solved(has: Equations, A: np.ndarray, weight: np.ndarray, at_motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The parameters (u,) by weighted least squares, and their covariance."""
+    extra = A.shape[1] - len(has.expected)
+    expected = np.append(has.expected, np.zeros(extra))
+    known = np.append(1.0 / has.expected_sigma**2, np.zeros(extra))
+    normal = A.T @ (weight[:, None] * A) + np.diag(known)
+    right = A.T @ (weight * has.y) + known * expected
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+    scaled = normal / np.outer(size, size) + OPEN * np.eye(len(size))
+    inverse = np.linalg.inv(scaled) / np.outer(size, size)
+    return inverse @ right, inverse
+
+
+def _misfit(has: Equations, v: np.ndarray, scale: dict[Source, float], total: np.ndarray) -> float:
+    value = 0.0
+    for source in Source:
+        own = has.source == source
+        if own.any():
+            size = v[own] / (has.sigma[own] * scale[source])
+            value += (FREEDOM + 1.0) * np.log1p(size**2 / FREEDOM).sum()
+            value += 2.0 * max(int(own.sum()) - TAKEN[source], 0) * np.log(scale[source])
+    known = np.isfinite(has.expected_sigma)
+    away = (total[: len(known)] - has.expected)[known] / has.expected_sigma[known]
+    return float(value + (away**2).sum())
