@@ -361,11 +361,9 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
     # Before the adjustment: undetermined parameters would make its normal equations singular.
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
-    fixed = choices.interior.kind == "fixed"
+    start = _Start(network, state.with_antenna(network), rays, test, choices.interior)
     try:
-        tested, causes = _explained(
-            have, problem, datum, _Start(network, state.with_antenna(network), rays, test, choices.interior)
-        )
+        tested, causes = _explained(have, problem, datum, start)
         # Positions that offsets bring into agreement take part again.
         aside = datum.positions_aside & ~tested.result.network.centre_weight.any(axis=1)
         weak = away_from_its_position(tested.result, aside)

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.findings.block_findings import BlockBent
+from orthomill.tasks.adjustment.model.datum import antennas
 from orthomill.tasks.adjustment.testing.position_trend import Trend, height_trend
-from orthomill.tasks.adjustment.testing.surveyed_blunders import antennas
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.shape.view_trend import ViewTrend, view_trend
 
@@ -49,7 +49,7 @@ def _heights(results: BlockResults) -> Trend | None:
     known = results.problem.known
     has = known.positioned
     given = known.position[has] - results.datum.origin
-    found = antennas(results.result)[has]
+    found = antennas(results.result.network, results.result.state)[has]
     return height_trend(found[:, :2], found[:, 2] - given[:, 2])
 
 
