@@ -9,7 +9,7 @@ from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.orientation.reporting.block_answers import accuracy
 from orthomill.tasks.orientation.reporting.block_facts import Facts
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
-from orthomill.tasks.orientation.reporting.source_tables import source_figures
+from orthomill.tasks.orientation.sources.source_tables import source_figures
 
 PLACES = {
     "control": "at the control points, which hold the block",

@@ -46,7 +46,7 @@ from orthomill.schemas.findings.block_findings import (
     TiltUnobserved,
     Vector,
 )
-from orthomill.tasks.orientation.reporting.source_sentences import SOURCE_SENTENCES
+from orthomill.tasks.orientation.sources.source_sentences import SOURCE_SENTENCES
 from orthomill.tasks.orientation.start.up_direction import SENTENCES
 
 MOSTLY_CAMERA = 0.5

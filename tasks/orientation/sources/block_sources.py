@@ -9,6 +9,7 @@ from orthomill.tasks.adjustment.model.interior import given_sigmas
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.adjustment.solve.whole_block import WholeMotion
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.orientation.block.assembly import MEETING, Problem
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.sources.causes import Findings, Groups, causes_of
@@ -20,6 +21,13 @@ from orthomill.tasks.orientation.start.georeference import FAR, Datum
 
 ATTITUDE_SIGMA = {"gimbal": (1.0, 0.5), "aircraft": (3.0, 1.0), "file": (2.0, 1.0)}
 """Standard errors of attitudes by where they come from, degrees: of a photograph, and common to all (the mounting)."""
+NOTHING = np.full((3, 3), np.nan)
+"""The attitude of a photograph that has none"""
+DOWN_SIGMA = 2.0
+"""degrees: how far parallel photographs of a camera that looks down are off the vertical on average"""
+PARALLEL, PARALLEL_LEAST, STEEP = 4.0, 6, 25.0
+"""Photographs look down where their axes scatter by no more degrees about their mean, which is within so many degrees of the
+vertical; and how many photographs show that"""
 IN_IMAGE = np.array([0.5, 0.5, 1.5])
 """Standard errors of a control point that rays place, in pixels on the ground: heights are less precise than plan."""
 LEAST_SHARE = 1e-4
@@ -93,8 +101,10 @@ def _told(problem: Problem, datum: Datum, network: Network, state: State, rows: 
     known = problem.known
     sigma = np.array([ATTITUDE_SIGMA[photo.attitude_of or "file"] for photo in rows])
     has = np.array([photo.attitude is not None for photo in rows])
-    nothing = np.full((3, 3), np.nan)
-    attitude = np.array([nothing if p.attitude is None else rotation_matrix(*np.radians(p.attitude)) for p in rows])
+    if not has.any() and datum.up is not None and (level := _looking_down(state)) is not None:
+        attitude, sigma, has = level, np.full((len(rows), 2), DOWN_SIGMA), np.ones(len(rows), bool)
+    else:
+        attitude = np.array([NOTHING if p.attitude is None else rotation_matrix(*np.radians(p.attitude)) for p in rows])
     given, constant = network.interior.value[:, 0], state.interior[:, 0]
     share = np.maximum(given_sigmas(network.interior)[:, 0] / given, LEAST_SHARE)
     return Told(
@@ -109,6 +119,22 @@ def _told(problem: Problem, datum: Datum, network: Network, state: State, rows: 
         constant=given / constant - 1.0,
         constant_sigma=share,
     )
+
+
+def _looking_down(state: State) -> np.ndarray | None:
+    """The attitudes (P, 3, 3) of photographs whose parallel axes are vertical on average; None where they look elsewhere.
+
+    Asked only where positions leave the tilt open and the block rests on that assumption already."""
+    axes = state.rotation[:, 2]
+    mean = axes.mean(axis=0) / np.linalg.norm(axes.mean(axis=0))
+    away = np.degrees(np.arccos(np.clip(axes @ mean, -1.0, 1.0)))
+    if len(axes) < PARALLEL_LEAST or np.sqrt((away**2).mean()) > PARALLEL or mean[2] < np.cos(np.radians(STEEP)):
+        return None
+    # The smallest rotation that takes the mean axis to the vertical.
+    turn = np.cross(mean, [0.0, 0.0, 1.0])
+    length = np.linalg.norm(turn)
+    vector = turn / max(length, 1e-12) * np.arcsin(min(length, 1.0))
+    return np.asarray(state.rotation @ rotation_of_vector(vector).T)
 
 
 def _groups(rows: list[Photo]) -> Groups:

@@ -136,6 +136,9 @@ def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Uni
     numbers = 1 if cause is None else len(cause.axes)
     if cause is None or cause.photos.all():
         return _Trial(causes, unit, then, numbers, float(chi2.sf(gain, numbers)))
+    stated = now.stated - then.stated
+    if stated > 0.5 * gain:
+        return _Trial(causes, unit, then, numbers, float(chi2.sf(min(stated, gain), numbers)))
     # The scatter of the positions is estimated from themselves: few of them show little.
     height = now.has.source == Source.HEIGHT
     count = int(height.sum()) - 3 if numbers == 1 else 3 * int(height.sum()) - 7

@@ -54,7 +54,7 @@ Cause = Offset | Zoom
 class Explained:
     """What the sources say together: the `motion` (7,) of the block, all `parameters` (u,) with their `covariance` (those of the
     causes last), `scale` by source: estimated by stated standard error, `weight` (m,) of the equations at the end (`has`), and
-    `misfit`: twice the negative logarithm of the likelihood."""
+    `misfit`: twice the negative logarithm of the likelihood; `stated`: the part of it that stated standard errors measure."""
 
     motion: np.ndarray
     parameters: np.ndarray
@@ -62,6 +62,7 @@ class Explained:
     scale: dict[Source, float]
     weight: np.ndarray
     misfit: float
+    stated: float
     has: Equations
 
 
@@ -87,7 +88,7 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
     v = has.y - A @ _rest(total)
     parameters = total.copy()
     parameters[MOTION] = motion
-    return Explained(motion, parameters, covariance, scale, weight, _misfit(has, v, scale, total), has)
+    return Explained(motion, parameters, covariance, scale, weight, *_misfits(has, v, scale, total), has)
 
 
 def _rest(total: np.ndarray) -> np.ndarray:
@@ -142,14 +143,18 @@ def _solved(has: Equations, A: np.ndarray, weight: np.ndarray, at_motion: np.nda
     return inverse @ right, inverse
 
 
-def _misfit(has: Equations, v: np.ndarray, scale: dict[Source, float], total: np.ndarray) -> float:
-    value = 0.0
+def _misfits(has: Equations, v: np.ndarray, scale: dict[Source, float], total: np.ndarray) -> tuple[float, float]:
+    """The whole misfit, and the part of what has stated standard errors: control, attitudes, expectations."""
+    value, stated = 0.0, 0.0
     for source in Source:
         own = has.source == source
         if own.any():
             size = v[own] / (has.sigma[own] * scale[source])
-            value += (FREEDOM + 1.0) * np.log1p(size**2 / FREEDOM).sum()
-            value += 2.0 * max(int(own.sum()) - TAKEN[source], 0) * np.log(scale[source])
+            part = (FREEDOM + 1.0) * np.log1p(size**2 / FREEDOM).sum()
+            part += 2.0 * max(int(own.sum()) - TAKEN[source], 0) * np.log(scale[source])
+            value += part
+            stated += part if source in (Source.CONTROL, Source.ATTITUDE) else 0.0
     known = np.isfinite(has.expected_sigma)
     away = (total[: len(known)] - has.expected)[known] / has.expected_sigma[known]
-    return float(value + (away**2).sum())
+    expected = (away**2).sum()
+    return float(value + expected), float(stated + expected)
