@@ -11,7 +11,8 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control, GroundPoints
 from orthomill.schemas.orientation import Block, RelativeOrientations
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.results.block_tables import BlockTables

@@ -26,7 +26,8 @@ from orthomill.schemas.observations import CONTROL, TIE_POINTS
 from orthomill.schemas.orientation import RELATIVE
 from orthomill.schemas.photo import PHOTOS
 from orthomill.tasks.adjustment.model.interior import FreeInterior, InteriorChoice, WeightedInterior
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 
 HELDOUT = os.environ.get("ORTHOMILL_HELDOUT")
 

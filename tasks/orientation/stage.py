@@ -30,7 +30,8 @@ from orthomill.tasks.geometry.footprint import ground_outline
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.orientation.control.control_files import no_control
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list, control_from_scans
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, ShiftChoice, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, ShiftChoice
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
 from orthomill.tasks.orientation.exterior.started_block import orient_from

@@ -7,23 +7,21 @@ together where positions or control place them in the project's system; the othe
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import cv2
 import numpy as np
 
-from orthomill.schemas.camera import INTERIOR, Cameras
+from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit, InteriorFixed
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.settings import Settings
 from orthomill.tasks.adjustment.bundle import BlunderTest
-from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice, variation_of
-from orthomill.tasks.adjustment.model.interior import InteriorChoice, interior_prior, is_guessed
-from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Network, Rays, State, common_shift
-from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED, NotConverged
+from orthomill.tasks.adjustment.model.image_variation import variation_of
+from orthomill.tasks.adjustment.model.interior import interior_prior, is_guessed
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays, common_shift
+from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import (
@@ -37,10 +35,11 @@ from orthomill.tasks.orientation.block.assembly import (
 )
 from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
-from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.lens_test import contradicted_lenses
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
+from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, explained
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
@@ -52,18 +51,11 @@ from orthomill.tasks.orientation.results.contradictions import agreeing_position
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.shape.held_parameters import considering_held
-from orthomill.tasks.orientation.sources.block_sources import block_sources, with_offsets
-from orthomill.tasks.orientation.sources.source_findings import (
-    contradicted_sources,
-    covered_by,
-    offset_findings,
-    offsets_of,
-    source_statements,
-)
+from orthomill.tasks.orientation.sources.block_sources import block_sources
+from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
-from orthomill.tasks.orientation.start.up_direction import Looking
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 # Workers run several jobs at a time; OpenCV's own threads would compete with them for the same cores.
@@ -76,37 +68,8 @@ positions apart from a common shift."""
 REJECTED = 4.0
 """Residual, in standard errors of a coordinate, from which on a measurement is as good as rejected where two blocks are compared"""
 
-LEVER_SIGMA = 0.05
-"""m: by which positions that a receiver has reduced to the camera still miss it: several lenses in one housing, a time between
-trigger and exposure. Positions that are less precise do not show it."""
-
-VERTICAL_DEG = {"gimbal": 1.0, "aircraft": 3.0}
-"""Standard errors of the mean vertical that attitudes give: a gimbal holds it to some tenths of a degree, and its camera is
-mounted to half a degree; an aircraft leans, and its camera with it."""
-ASSUMED_DEG = 5.0
-"""The same for attitudes of unknown origin, and for the assumption that photographs look straight down on average."""
-
-ShiftChoice = Literal["auto", "constant", "none"]
-"""Whether positions have constant errors that are adjusted: where the sources demand it, one that is common to all, or never"""
-
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
-
-
-class BlockChoices(Settings):
-    """What the workflow decides: the part of the interior orientation, a common shift of the GNSS positions, the standard error
-    of the mean vertical where it is needed (degrees; None: that of what tells it) and how the photographs look then, the limit of
-    the blunder test in standard errors, the lever arm of the antenna (m, image system) with its standard error (0: exactly known;
-    None: as receivers leave it), and what of the interior orientation varies from photograph to photograph."""
-
-    interior: InteriorChoice
-    gnss_shift: ShiftChoice
-    vertical_sigma: float | None
-    rejection: float
-    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    lever_sigma: float | None = None
-    looking: Looking = "auto"
-    variation: VariationChoice = NoVariation(kind="none")
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,20 +231,12 @@ def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
     choices = have.choices
     shifted = choices.gnss_shift == "constant"
-    datum = choose_datum(model, known, _vertical_sigma(have), choices.looking, shifted, origin)
+    datum = choose_datum(model, known, vertical_sigma(choices, have.photos), choices.looking, shifted, origin)
     # Half of them at least: single wrong names are found by the blunder tests, and named.
     if known.unmet >= UNMET and 2 * known.unmet > known.measured:
         unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
         datum = replace(datum, findings=(*datum.findings, unmet))
     return Part(start, model, known, datum, origin)
-
-
-def _vertical_sigma(have: _Input) -> float:
-    """rad: of the mean vertical, as stated, or that of the worst of the attitudes that take part."""
-    if have.choices.vertical_sigma is not None:
-        return float(np.radians(have.choices.vertical_sigma))
-    told = {photo.attitude_of for photo in have.photos.photos if photo.attitude is not None}
-    return float(np.radians(max((VERTICAL_DEG.get(of or "", ASSUMED_DEG) for of in told), default=ASSUMED_DEG)))
 
 
 def _adjusted(have: _Input, parts: list[Part]) -> tuple[BlockResults, tuple[Unoriented, ...]]:
@@ -352,18 +307,18 @@ def _why(attempt: _Attempt, suspect: int) -> str:
 def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
-    network, state, good = starting_values(have.material, problem, parts, datum, _vertical_sigma(have))
+    network, state, good = starting_values(have.material, problem, parts, datum, vertical_sigma(choices, have.photos))
     shifted = common_shift(network.photos) if choices.gnss_shift == "constant" else NOT_SHIFTED
-    network = network.with_antenna(choices.lever_arm, _lever_sigma(choices, problem), shifted)
+    network = network.with_antenna(choices.lever_arm, lever_sigma(choices, problem.known), shifted)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
         network = replace(network, variation=variation_of(choices.variation, motion))
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
     # Before the adjustment: undetermined parameters would make its normal equations singular.
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
-    start = _Start(network, state.with_antenna(network), rays, test, choices.interior)
+    start = AdjustmentStart(network, state.with_antenna(network), rays, test, choices.interior)
     try:
-        tested, causes = _explained(have, problem, datum, start)
+        tested, causes = explained(start, have.photos, problem, datum, choices.gnss_shift)
         # Positions that offsets bring into agreement take part again.
         aside = datum.positions_aside & ~tested.result.network.centre_weight.any(axis=1)
         weak = away_from_its_position(tested.result, aside)
@@ -374,82 +329,20 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     return _Attempt(problem, datum, rays, (*causes, *findings), tested, weak, AWAY)
 
 
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """What an adjustment starts with."""
-
-    network: Network
-    state: State
-    rays: Rays
-    test: BlunderTest
-    interior: InteriorChoice
-
-    def adjusted(self, problem: Problem) -> Tested:
-        """The adjustment. Raises GeometryError as `adjust_tested`."""
-        held, fixed = _held(self.network, problem, self.interior), self.interior.kind == "fixed"
-        return adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
-
-
-def _explained(have: _Input, problem: Problem, datum: Datum, start: _Start) -> tuple[Tested, tuple[BlockFinding, ...]]:
-    """The adjustment; with constant errors of the positions as unknowns where the sources contradict each other without, and the
-    findings about these. Raises GeometryError as `adjust_tested`."""
-    tested, failure = None, None
-    try:
-        tested = start.adjusted(problem)
-    except GeometryError as error:
-        # Sources that contradict each other are a likely cause: the start shows them as well.
-        failure = error
-    sources = None
-    if have.choices.gnss_shift == "auto":
-        sources = block_sources(have.photos, problem, datum, start.network, tested.result.state if tested else start.state)
-    if sources is not None and sources.has_offsets:
-        try:
-            state = tested.result.state if tested else start.state
-            given = problem.known.position - datum.origin, problem.known.position_sigma
-            network, state = with_offsets(sources, start.network, state, *given)
-            again = replace(start, network=network, state=state).adjusted(problem)
-            offsets = offsets_of(again.result, problem.names)
-            return again, tuple(offset_findings(offsets, sources, problem.names, _heights(have, problem)))
-        except GeometryError as error:
-            failure = failure or error
-    if tested is None:
-        raise failure or GeometryError(UNDETERMINED)
-    return tested, ()
-
-
-def _heights(have: _Input, problem: Problem) -> str | None:
-    """What the heights of the positions refer to, where all tags say the same."""
-    kinds = {have.photos[name].height_kind for name in problem.names}
-    return kinds.pop() if len(kinds) == 1 else None
-
-
-def _held(network: Network, problem: Problem, choice: InteriorChoice) -> np.ndarray:
-    """(C, 17) bool: interior parameters that the rule of nominal cameras keeps, and not the workflow."""
-    nominal = np.array([choice.kind == "weighted" and camera.source == "exif" for camera in problem.cameras])
-    named = np.isin(INTERIOR, choice.parameters if choice.kind == "weighted" else ())
-    return held_by_rule(network.interior, nominal, named)
-
-
 def _with_agreeing(have: _Input, attempt: _Attempt, tested: Tested, parts: list[Part]) -> list[Part]:
     """The parts with those positions that the start had set aside, and that agree with the adjusted block; none where there are
     none.
 
     The start compares with a rough model; what agrees afterwards was set aside without need, and its absence may leave a tilt open.
     """
+    if not attempt.datum.positions_aside.any():
+        return []
     agree = agreeing_positions(_results(have, attempt, tested))
     if not agree:
         return []
     back = [np.isin([have.material.names[i] for i in part.start.photos], agree) for part in parts]
     datums = [replace(p.datum, positions_aside=p.datum.positions_aside & ~own) for p, own in zip(parts, back, strict=True)]
     return [replace(part, datum=datum) for part, datum in zip(parts, datums, strict=True)]
-
-
-def _lever_sigma(choices: BlockChoices, problem: Problem) -> float:
-    """m: as stated; else that of receivers whose positions show it, and 0 where their own errors hide it."""
-    if choices.lever_sigma is not None:
-        return choices.lever_sigma
-    plan = problem.known.position_sigma[problem.known.positioned, :2]
-    return LEVER_SIGMA if len(plan) and np.median(plan) < LEVER_SIGMA else 0.0
 
 
 def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:

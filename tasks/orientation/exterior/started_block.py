@@ -4,7 +4,8 @@ from orthomill.schemas.camera import Cameras
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.exterior.fixed_block import placed_block
 from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import upright_block

@@ -10,18 +10,18 @@ from simulated_block import two_strips
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
-from orthomill.tasks.orientation.exterior import adjusted_block
+from orthomill.tasks.orientation.exterior import adjusted_block, explained_adjustment
 
 
 def test_observations_that_pull_are_named_and_left_out(monkeypatch):
-    really = adjusted_block.adjust_with_demanded
+    really = explained_adjustment.adjust_with_demanded
 
     def only_free(network, *rest):
         if not network.free:
             raise NotConverged("The bundle adjustment did not converge.")
         return really(network, *rest)
 
-    monkeypatch.setattr(adjusted_block, "adjust_with_demanded", only_free)
+    monkeypatch.setattr(explained_adjustment, "adjust_with_demanded", only_free)
     block = two_strips(3, tracks=400)
     wrong = block.control.points[2]
     x, y, z = wrong.xyz
@@ -34,14 +34,14 @@ def test_observations_that_pull_are_named_and_left_out(monkeypatch):
 
 
 def test_a_photograph_that_keeps_the_rest_from_converging_is_left_out(monkeypatch):
-    really = adjusted_block.adjust_with_demanded
+    really = explained_adjustment.adjust_with_demanded
 
     def not_with_the_third(network, *rest):
         if network.photos == 6:
             raise NotConverged("The bundle adjustment did not converge.", photo=2)
         return really(network, *rest)
 
-    monkeypatch.setattr(adjusted_block, "adjust_with_demanded", not_with_the_third)
+    monkeypatch.setattr(explained_adjustment, "adjust_with_demanded", not_with_the_third)
     block = two_strips(3, tracks=400)
     out = orient(block)["block"]
     name = block.photos.names[2]
@@ -68,6 +68,6 @@ def test_a_free_block_that_does_not_converge_still_fails(monkeypatch):
     def never(*_):
         raise NotConverged("The bundle adjustment did not converge.")
 
-    monkeypatch.setattr(adjusted_block, "adjust_with_demanded", never)
+    monkeypatch.setattr(explained_adjustment, "adjust_with_demanded", never)
     with pytest.raises(GeometryError, match="did not converge"):
         orient(two_strips(3, tracks=400, gnss=None, control=0, check=0))

@@ -4,7 +4,8 @@ import numpy as np
 
 from orthomill.tasks.adjustment.model.interior import WeightedInterior
 from orthomill.tasks.geometry.rotation import angles
-from orthomill.tasks.orientation.exterior.adjusted_block import BlockChoices, orient_block
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 

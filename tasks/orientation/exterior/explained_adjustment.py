@@ -1,0 +1,79 @@
+"""One adjustment of a block, with the constant errors of its positions as unknowns where its sources demand them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.adjustment.bundle import BlunderTest
+from orthomill.tasks.adjustment.model.interior import InteriorChoice
+from orthomill.tasks.adjustment.model.network import Network, Rays, State
+from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
+from orthomill.tasks.orientation.block.assembly import Problem
+from orthomill.tasks.orientation.block.camera_constant import Tested
+from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
+from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
+from orthomill.tasks.orientation.sources.block_sources import block_sources, with_offsets
+from orthomill.tasks.orientation.sources.source_findings import offset_findings, offsets_of
+from orthomill.tasks.orientation.start.georeference import Datum
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustmentStart:
+    """What an adjustment starts with."""
+
+    network: Network
+    state: State
+    rays: Rays
+    test: BlunderTest
+    interior: InteriorChoice
+
+    def adjusted(self, problem: Problem) -> Tested:
+        """The adjustment. Raises GeometryError as `adjust_tested`."""
+        held, fixed = _held(self.network, problem, self.interior), self.interior.kind == "fixed"
+        return adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
+
+
+def explained(
+    start: AdjustmentStart, photos: Photos, problem: Problem, datum: Datum, shift: ShiftChoice
+) -> tuple[Tested, tuple[BlockFinding, ...]]:
+    """The adjustment; with constant errors of the positions as unknowns where the sources contradict each other without, and the
+    findings about these. Raises GeometryError as `adjust_tested`."""
+    tested, failure = None, None
+    try:
+        tested = start.adjusted(problem)
+    except GeometryError as error:
+        # Sources that contradict each other are a likely cause: the start shows them as well.
+        failure = error
+    sources = None
+    if shift == "auto":
+        sources = block_sources(photos, problem, datum, start.network, tested.result.state if tested else start.state)
+    if sources is not None and sources.has_offsets:
+        try:
+            state = tested.result.state if tested else start.state
+            given = problem.known.position - datum.origin, problem.known.position_sigma
+            network, state = with_offsets(sources, start.network, state, *given)
+            again = replace(start, network=network, state=state).adjusted(problem)
+            offsets = offsets_of(again.result, problem.names)
+            return again, tuple(offset_findings(offsets, sources, problem.names, _heights(photos, problem)))
+        except GeometryError as error:
+            failure = failure or error
+    if tested is None:
+        raise failure or GeometryError(UNDETERMINED)
+    return tested, ()
+
+
+def _heights(photos: Photos, problem: Problem) -> str | None:
+    """What the heights of the positions refer to, where all tags say the same."""
+    kinds = {photos[name].height_kind for name in problem.names}
+    return kinds.pop() if len(kinds) == 1 else None
+
+
+def _held(network: Network, problem: Problem, choice: InteriorChoice) -> np.ndarray:
+    """(C, 17) bool: interior parameters that the rule of nominal cameras keeps, and not the workflow."""
+    nominal = np.array([choice.kind == "weighted" and camera.source == "exif" for camera in problem.cameras])
+    named = np.isin(INTERIOR, choice.parameters if choice.kind == "weighted" else ())
+    return held_by_rule(network.interior, nominal, named)
