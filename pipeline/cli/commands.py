@@ -26,6 +26,7 @@ from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.lookups.lookup_commands import lookups
+from orthomill.pipeline.cli.outlook import outlook
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.projects import load_project
 from orthomill.pipeline.cli.run_display import run_display
@@ -55,7 +56,7 @@ from orthomill.pipeline.workflow.starting_workflow import write_starting_workflo
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
-from orthomill.tasks.catalogue import STAGES, Method, share_of, sizing_of, window_size_map
+from orthomill.tasks.catalogue import STAGES, Method, expected_of, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
@@ -388,8 +389,8 @@ def init(
 ) -> None:
     """Write a commented starting workflow from the photographs' EXIF."""
     with plain_errors(debug):
-        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs)
-        for note in start.notes:
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, outlook(expected_of, STAGES, Path.cwd()))
+        for note in (*start.look.lines, *start.notes):
             out.print(escape(note), soft_wrap=True)
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
 

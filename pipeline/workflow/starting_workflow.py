@@ -11,10 +11,11 @@ import re
 import shlex
 import statistics
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from textwrap import wrap
 
 from orthomill.pipeline.storage.image_files import image_files, read_header, shown
 from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude, utm_zone
@@ -23,6 +24,7 @@ from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_besid
 from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
+from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
@@ -31,6 +33,11 @@ SETTINGS_SHOWN = 4
 """settings of a stage that a starting workflow shows; docs/settings.md has all"""
 _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 """Stages that need known truth or a reference."""
+_WIDTH = 120
+"""characters of a line of comments"""
+
+Look = Callable[[tuple[Header, ...], str | None], FirstLook]
+"""From the headers of all photographs and the CRS, if any, to what is found in them."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,7 @@ class StartingWorkflow:
 
     path: Path
     survey: Survey
+    look: FirstLook
     notes: tuple[str, ...]
 
 
@@ -136,16 +144,23 @@ def _inside(photos: Path, root: Path) -> str:
     return folder.relative_to(top).as_posix()
 
 
+def only_photographs(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
+    """A look that finds nothing and sets nothing aside."""
+    return FirstLook(findings=(), used=tuple(header.path for header in headers))
+
+
 def write_starting_workflow(
-    name: str, photos: Path, root: Path, catalogue: tuple[type[Stage], ...], crs: str | None = None
+    name: str, photos: Path, root: Path, catalogue: tuple[type[Stage], ...], crs: str | None = None, look: Look = only_photographs
 ) -> StartingWorkflow:
-    """Write workflows/<name>.yaml below `root`. Raises WorkflowError rather than overwrite anything."""
+    """Write workflows/<name>.yaml below `root`. `look` tells what the tags say, and which photographs make the block. Raises
+    WorkflowError rather than overwrite anything."""
     _check_name(name)
     path = root / "workflows" / f"{name}.yaml"
     if path.exists():
         raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
     survey = survey_photographs(photos, root)
-    text = starting_text(name, survey, catalogue, crs)
+    seen = look(survey.headers, crs or survey.beside.projected or survey.utm)
+    text = starting_text(name, survey, catalogue, crs, seen)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # "x": whatever has appeared under this name since the check is not overwritten either.
@@ -153,7 +168,7 @@ def write_starting_workflow(
             file.write(text)
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
-    return StartingWorkflow(path, survey, tuple(_notes(name, survey, crs)))
+    return StartingWorkflow(path, survey, seen, tuple(_notes(name, survey, crs)))
 
 
 def _check_name(name: str) -> None:
@@ -163,12 +178,14 @@ def _check_name(name: str) -> None:
         raise WorkflowError(f"'{name}' is not a possible project name; it must be {bounds(field)[0]}.")
 
 
-def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
-    """The text of a starting workflow."""
+def starting_text(
+    name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None, look: FirstLook | None = None
+) -> str:
+    """The text of a starting workflow; what a `look` found stands in its head."""
     # What is unknown is written as an empty setting: the loader then names the line, and no placeholder can be run by mistake.
     stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST and not _asks(stage)]
     lines = [
-        *_head(name, survey),
+        *_head(name, survey, look.lines if look else ()),
         *_crs(survey, crs),
         "",
         "photographs:",
@@ -192,7 +209,7 @@ def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...],
     return "\n".join(lines) + "\n"
 
 
-def _head(name: str, survey: Survey) -> Iterator[str]:
+def _head(name: str, survey: Survey, found: tuple[str, ...]) -> Iterator[str]:
     yield f"# Starting workflow of the project {name}, made from the EXIF tags of {len(survey.headers)} photographs."
     yield f"# Check it, then run:  make project={name} run   (or: orthomill run {name})"
     for camera, photos in survey.cameras.most_common():
@@ -200,6 +217,8 @@ def _head(name: str, survey: Survey) -> Iterator[str]:
     for length, photos in survey.focal_lengths.most_common():
         yield f"#   focal length: {length:g} mm ({photos} photographs)"
     yield f"#   GPS position: {len(survey.places)} of {len(survey.headers)} photographs"
+    for sentence_found in found:
+        yield from wrap(sentence_found, _WIDTH, initial_indent="# ", subsequent_indent="#   ")
     yield ""
     yield f"project: {flow(name)}  # results go to runs/{name}"
 
