@@ -26,7 +26,6 @@ from orthomill.pipeline.cli.demo import write_demo
 from orthomill.pipeline.cli.doctor import doctor as examine
 from orthomill.pipeline.cli.inspect_photo import GuardedPhoto, picture_path, write_map
 from orthomill.pipeline.cli.lookups.lookup_commands import lookups
-from orthomill.pipeline.cli.outlook import outlook
 from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
 from orthomill.pipeline.cli.projects import load_project
 from orthomill.pipeline.cli.run_display import run_display
@@ -40,6 +39,7 @@ from orthomill.pipeline.engine.running import MIB, TILES, Options, check_stage_n
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.forecast.forecast import forecast
+from orthomill.pipeline.forecast.outlook import outlook
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Records
 from orthomill.pipeline.records.verification import verify as verify_results

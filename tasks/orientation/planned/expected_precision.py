@@ -10,10 +10,8 @@ import numpy as np
 
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of, points_and_rays, with_considered
-from orthomill.tasks.orientation.planned.planned_network import PlannedNetwork, with_kept
+from orthomill.tasks.orientation.planned.planned_network import IMAGE, PlannedNetwork
 
-FORM = 5
-"""Points along each side of the block whose heights make up its form."""
 NARROW = 0.05
 """Width of a block in units of its length below which nothing is said of a bend across it"""
 SIDE = 3
@@ -34,18 +32,17 @@ class ExpectedPrecision:
 
 def expected_precision(planned: PlannedNetwork) -> ExpectedPrecision:
     """The standard errors of a planned block. Raises GeometryError where it is not determined."""
-    form = _form(planned)
-    kept = with_kept(planned, form)
-    linear = linearised(kept.network, kept.state, kept.rays)
-    covariance = with_considered(kept.network, linear, covariance_of(kept.network, kept.state, linear))
-    variances = _of_points(kept, linear, covariance) + kept.shift**2
-    height = np.sqrt(variances[:, 2])
+    linear = linearised(planned.network, planned.state, planned.rays)
+    covariance = with_considered(planned.network, linear, covariance_of(planned.network, planned.state, linear))
+    points = often_seen(planned)
+    variances = _of_points(planned, linear, covariance)[points] + planned.shift**2
+    height, xy = np.sqrt(variances[:, 2]), planned.state.point[points, :2]
     return ExpectedPrecision(
         plan=float(np.sqrt(np.median(variances[:, :2].mean(axis=1)))),
         height=float(np.median(height)),
         worst=float(np.percentile(height, 95)),
-        bend=_bend(kept, covariance),
-        extent=float(np.linalg.norm(np.ptp(kept.state.point[form, :2], axis=0))),
+        bend=_bend(linear, covariance, points, bend_forms(xy)),
+        extent=float(np.linalg.norm(np.ptp(xy, axis=0))),
     )
 
 
@@ -56,26 +53,29 @@ def often_seen(planned: PlannedNetwork) -> np.ndarray:
 
 
 def _of_points(planned: PlannedNetwork, linear: Linear, covariance: Covariance) -> np.ndarray:
-    """(n, 3) variances of the points that are often seen."""
-    points, _ = points_and_rays(planned.network, linear, covariance)
-    return np.diagonal(points[often_seen(planned)], axis1=1, axis2=2)
+    """(N, 3) variances of the points: of the block, and of their own measurements, of which each is as good as one of an area."""
+    own = linear._replace(weight=np.full_like(linear.weight, 1.0 / IMAGE**2))
+    return np.diagonal(points_and_rays(planned.network, own, covariance)[0], axis1=1, axis2=2)
 
 
-def _form(planned: PlannedNetwork) -> np.ndarray:
-    """Numbers of points that are spread over the block."""
-    known = often_seen(planned)
-    xy = planned.state.point[known, :2]
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    grid = np.stack(np.meshgrid(*np.linspace(low, high, FORM).T), axis=-1).reshape(-1, 2)
-    return np.unique([known[np.linalg.norm(xy - place, axis=1).argmin()] for place in grid])
+def _bend(linear: Linear, covariance: Covariance, points: np.ndarray, forms: np.ndarray) -> float:
+    """Standard error of the range of heights, m, that the bend adds which the block knows least.
 
-
-def _bend(planned: PlannedNetwork, covariance: Covariance) -> float:
-    """Standard error of the range of heights, m, that the bend adds which the block knows least."""
-    forms = bend_forms(planned.state.point[planned.network.kept, :2])
-    unit = np.zeros((len(covariance), forms.shape[1]))
-    unit[planned.network.kept_columns[:, 2]] = forms / len(forms)
-    values, vectors = np.linalg.eigh(unit.T @ covariance.times(unit))
+    The coefficients of `forms` (n, k) are means of forms times heights; points follow the unknowns by back substitution. Their own
+    errors are left out: they do not bend the block.
+    """
+    point = np.repeat(np.arange(len(linear.frame)), np.diff(linear.first))
+    normal = np.zeros((len(linear.frame), 3, 3))
+    np.add.at(normal, point, linear.weight[:, None, None] * np.einsum("mia,mib->mab", linear.jp, linear.jp))
+    normal[:, range(3), range(3)] += linear.point_weight
+    upward = np.zeros((len(linear.frame), forms.shape[1]))
+    upward[points] = forms / len(forms)
+    pull = np.linalg.pinv(normal, hermitian=True) @ (linear.frame[:, 2, :, None] * upward[:, None])
+    by_rays = linear.weight[:, None, None] * np.einsum("mia,mak->mik", linear.jp, pull[point])
+    unit = np.zeros((len(covariance) + 1, forms.shape[1]))
+    # Absent unknowns have the column -1: the row that is cut off.
+    np.add.at(unit, linear.columns[linear.row], -np.einsum("mia,mik->mak", linear.jg, by_rays))
+    values, vectors = np.linalg.eigh(unit[:-1].T @ covariance.times(unit[:-1]))
     return float(np.sqrt(max(values[-1], 0.0)) * np.ptp(forms @ vectors[:, -1]))
 
 

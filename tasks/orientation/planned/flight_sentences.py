@@ -1,5 +1,5 @@
-"""What is to be expected of a planned block, in sentences: how it was flown, whether it can bend and what stops that, how precise it
-will be."""
+"""What is to be expected of a planned block, in sentences: how it was flown, whether it can bend and what stops that, how
+precise it will be."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.planned.expected_precision import ExpectedPrecision, expected_precision
 from orthomill.tasks.orientation.planned.flight_pattern import FlightPattern, flight_pattern
 from orthomill.tasks.orientation.planned.planned_block import HeightSource, PlannedBlock, planned_block
-from orthomill.tasks.orientation.planned.planned_network import Measures, planned_network
+from orthomill.tasks.orientation.planned.planned_network import PlannedMeasures, planned_network
 from orthomill.tasks.orientation.planned.remedies import WORTH, Remedy, best_remedy, with_control
 
 MOST = 60
-"""Photographs of the part of a larger block whose adjustment is simulated: a second or two, and the part bends as the whole does."""
+"""Photographs of the part of a larger block whose adjustment is simulated, in a second or two."""
 HOLDS = 2.0
 """Pixels on the ground: a block whose bend has a smaller standard error is said to hold its shape."""
 LEVEL = 0.02
@@ -84,7 +84,7 @@ def _off_vertical(block: PlannedBlock) -> float:
     return float(np.degrees(np.arccos(np.clip(-block.axes[:, 2], -1.0, 1.0)).mean()))
 
 
-def _bend(block: PlannedBlock, before: ExpectedPrecision, measures: Measures, remedy: Remedy | None) -> str:
+def _bend(block: PlannedBlock, before: ExpectedPrecision, measures: PlannedMeasures, remedy: Remedy | None) -> str:
     size = f"{_length(before.bend)} over {before.extent:.0f} m"
     if before.bend < HOLDS * block.pixel:
         return f"The block holds its shape: heights may bend by {size} (standard error)." + _advice(before, remedy)
@@ -92,7 +92,7 @@ def _bend(block: PlannedBlock, before: ExpectedPrecision, measures: Measures, re
     return f"The block can bend by {size} (standard error){why}." + _advice(before, remedy)
 
 
-def _weaknesses(block: PlannedBlock, measures: Measures) -> list[str]:
+def _weaknesses(block: PlannedBlock, measures: PlannedMeasures) -> list[str]:
     """Why it can bend."""
     return [
         words

@@ -35,7 +35,7 @@ CONTROL = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Measures:
+class PlannedMeasures:
     """What is measured besides the photographs: `control` (n, 3) points on the ground with `sigma` (n, 3), m; standard errors
     (3,) of positions that replace those of the tags (`positions`), and whether the camera was `calibrated`."""
 
@@ -45,7 +45,7 @@ class Measures:
     calibrated: bool = False
 
 
-NO_MEASURES = Measures(np.zeros((0, 3)), np.zeros((0, 3)))
+NO_MEASURES = PlannedMeasures(np.zeros((0, 3)), np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class PlannedNetwork:
     shift: np.ndarray
 
 
-def planned_network(block: PlannedBlock, measures: Measures = NO_MEASURES) -> PlannedNetwork:
+def planned_network(block: PlannedBlock, measures: PlannedMeasures = NO_MEASURES) -> PlannedNetwork:
     """The adjustment of a block with what is measured besides."""
     ground = np.vstack([_tie_points(block), measures.control])
     photo, point, xy = _seen(block, ground)
@@ -140,10 +140,14 @@ CALIBRATED = {"c": 1e-3, "x0": 1e-3, "y0": 1e-3, "k1": 2e-3, "k2": 5e-3, "k3": 5
 """Standard errors that a calibration before the flight leaves: c, x0, y0 in units of c; it changes with every focusing."""
 
 
-def _interior(block: PlannedBlock, measures: Measures) -> Interior:
+def _interior(block: PlannedBlock, measures: PlannedMeasures) -> Interior:
     """The cameras as the block adjustment takes them, with the parameters free that a block may demand."""
     cameras = [_calibrated(camera) if measures.calibrated else _open(camera) for camera in map(_plain, block.cameras)]
-    return interior_prior(cameras, WeightedInterior(kind="weighted"), fix_nominal=len(measures.control) < CONTROL)
+    prior = interior_prior(cameras, WeightedInterior(kind="weighted"), fix_nominal=len(measures.control) < CONTROL)
+    # A principal point that is wrong by many pixels is demanded by every block; the constant over flat ground by none.
+    considered = prior.considered.copy()
+    considered[:, 1:] = False
+    return replace(prior, considered=considered)
 
 
 def _open(camera: Camera) -> Camera:
@@ -167,7 +171,7 @@ def _rows(matrix: np.ndarray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in matrix.tolist())
 
 
-def _network(block: PlannedBlock, measures: Measures, interior: Interior, state: State) -> tuple[Network, np.ndarray]:
+def _network(block: PlannedBlock, measures: PlannedMeasures, interior: Interior, state: State) -> tuple[Network, np.ndarray]:
     sigma = block.sigma if measures.positions is None else np.broadcast_to(measures.positions, block.sigma.shape)
     common = block.common & (measures.positions is None)
     own = np.where(common[:, None], np.sqrt(1.0 - COMMON**2) * sigma, sigma)
@@ -192,8 +196,3 @@ def _network(block: PlannedBlock, measures: Measures, interior: Interior, state:
 def _vertical_sigma(block: PlannedBlock) -> float:
     """rad: of the mean vertical, by a gimbal or by the assumption that the photographs look straight down."""
     return float(np.radians(GIMBAL if block.looks.any() else ASSUMED))
-
-
-def with_kept(planned: PlannedNetwork, points: np.ndarray) -> PlannedNetwork:
-    """The same with `points` (k,) among the unknowns, whose joint covariance is then known."""
-    return replace(planned, network=replace(planned.network, kept=np.sort(points)))

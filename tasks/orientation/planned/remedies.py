@@ -9,7 +9,7 @@ import numpy as np
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.orientation.planned.expected_precision import ExpectedPrecision, expected_precision
 from orthomill.tasks.orientation.planned.planned_block import PlannedBlock
-from orthomill.tasks.orientation.planned.planned_network import NO_MEASURES, Measures, planned_network
+from orthomill.tasks.orientation.planned.planned_network import NO_MEASURES, PlannedMeasures, planned_network
 
 SURVEYED = (0.02, 0.02, 0.03)
 """m: standard errors of points surveyed with corrected GNSS, and of corrected positions of photographs"""
@@ -31,7 +31,7 @@ class Remedy:
     expected: ExpectedPrecision
 
 
-def best_remedy(block: PlannedBlock, before: ExpectedPrecision, measures: Measures = NO_MEASURES) -> Remedy | None:
+def best_remedy(block: PlannedBlock, before: ExpectedPrecision, measures: PlannedMeasures = NO_MEASURES) -> Remedy | None:
     """The remedy of least effort among those that help most, by the error of heights and of the bend, in addition to the
     `measures` taken; None where none helps."""
     found = [remedy for remedy in _remedies(block, measures) if _share(remedy.expected, before) < WORTH]
@@ -46,7 +46,7 @@ def _share(after: ExpectedPrecision, before: ExpectedPrecision) -> float:
     return float(np.sqrt(after.worst / before.worst * min(after.bend / before.bend, 1.0)))
 
 
-def _remedies(block: PlannedBlock, taken: Measures) -> Iterator[Remedy]:
+def _remedies(block: PlannedBlock, taken: PlannedMeasures) -> Iterator[Remedy]:
     """In the order of their effort."""
     for words, measures in _choices(block, taken):
         try:
@@ -55,7 +55,7 @@ def _remedies(block: PlannedBlock, taken: Measures) -> Iterator[Remedy]:
             continue
 
 
-def _choices(block: PlannedBlock, taken: Measures) -> Iterator[tuple[str, Measures]]:
+def _choices(block: PlannedBlock, taken: PlannedMeasures) -> Iterator[tuple[str, PlannedMeasures]]:
     middle, corners = _places(block)
     if not len(taken.control):
         yield "one control point in the middle brings", with_control(block, _on_ground(block, middle))
@@ -67,11 +67,11 @@ def _choices(block: PlannedBlock, taken: Measures) -> Iterator[tuple[str, Measur
     yield "a camera calibrated before the flight brings", replace(taken, calibrated=True)
 
 
-def with_control(block: PlannedBlock, points: np.ndarray | None) -> Measures:
+def with_control(block: PlannedBlock, points: np.ndarray | None) -> PlannedMeasures:
     """Control points (n, 3) in the project's system, as they are surveyed and measured as a rule."""
     if points is None or not len(points):
         return NO_MEASURES
-    return Measures(points - block.origin, np.tile(SURVEYED, (len(points), 1)))
+    return PlannedMeasures(points - block.origin, np.tile(SURVEYED, (len(points), 1)))
 
 
 def _on_ground(block: PlannedBlock, xy: np.ndarray) -> np.ndarray:
