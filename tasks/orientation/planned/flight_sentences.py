@@ -19,6 +19,8 @@ HOLDS = 2.0
 """Pixels on the ground: a block whose bend has a smaller standard error is said to hold its shape."""
 LEVEL = 0.02
 """Scatter of flying heights, in units of the height, below which all strips have one height."""
+LEVEL_VIEW = 60.0
+"""degrees off the vertical from which on photographs show no ground that could be taken for flat"""
 PARALLEL = np.radians(10.0)
 """Spread of views below which they are parallel."""
 _KINDS = {
@@ -41,6 +43,8 @@ def expected_flight(photos: Photos, cameras: Cameras, control: np.ndarray | None
     block = planned_block(photos, cameras)
     if block is None:
         return ExpectedFlight(pattern=_placeless(photos))
+    if _off_vertical(block) > LEVEL_VIEW:
+        return ExpectedFlight(pattern=_of_walls(block))
     pattern = _pattern(block, flight_pattern(block))
     part = _middle_part(block)
     measures = with_control(block, control)
@@ -58,6 +62,13 @@ def _placeless(photos: Photos) -> str | None:
     if not placed:
         return "Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen."
     return "Flight: all positions are one place, so that pattern, overlap and accuracy cannot be foreseen."
+
+
+def _of_walls(block: PlannedBlock) -> str:
+    return (
+        f"The photographs look {_off_vertical(block):.0f} degrees off the vertical, at walls and not at the ground: what their "
+        "block lets expect is not foreseen."
+    )
 
 
 def _middle_part(block: PlannedBlock) -> PlannedBlock:

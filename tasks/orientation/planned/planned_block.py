@@ -21,6 +21,8 @@ LEAST_HEIGHT = 2.0
 """m: lower heights above the place of take-off are noise of a barometer, or a take-off from a roof."""
 CONVERGING = np.radians(15.0)
 """Spread of views (root mean square) from which on the place where they meet is known better than the usual overlap."""
+ONE_PLACE = 0.05
+"""Extent of all places in units of the flying height up to which they are one: such a base gives no heights."""
 HeightSource = Literal["relative", "views", "overlap"]
 
 
@@ -70,14 +72,15 @@ class PlannedBlock:
 
 
 def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
-    """The block of the photographs with a position; None for fewer than two places, or where nothing tells how high they are."""
+    """The block of the photographs with a position; None for fewer than two places in plan, and where a
+    flying height neither is known nor can be guessed."""
     placed = in_time([photo for photo in photos.photos if photo.position is not None and photo.position_sigma is not None])
-    if len({photo.position for photo in placed}) < 2:
+    if len({photo.position[:2] for photo in placed if photo.position}) < 2:
         return None
     position = np.array([photo.position for photo in placed], float)
     names = tuple(dict.fromkeys(cameras.of_photo[photo.name] for photo in placed))
     origin = np.round(np.median(position, axis=0))
-    block = PlannedBlock(
+    known = PlannedBlock(
         centre=position - origin,
         rotation=_rotations(placed, position),
         looks=np.array([photo.attitude is not None for photo in placed]),
@@ -90,7 +93,13 @@ def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
         ground=0.0,
         height_from="overlap",
     )
-    return _above_ground(block, placed)
+    block = _above_ground(known, placed)
+    # Photographs from a drone that hovers have no base.
+    return block if block is not None and _extent(block) > ONE_PLACE * block.height else None
+
+
+def _extent(block: PlannedBlock) -> float:
+    return float(np.linalg.norm(np.ptp(block.centre[:, :2], axis=0)))
 
 
 def in_time(photos: Sequence[Photo]) -> list[Photo]:

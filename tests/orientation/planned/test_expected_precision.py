@@ -27,6 +27,8 @@ from tests.support.scenes.planned_flights import GPS, RTK, block, serpentine
 SEEDS = 24
 AGREES = 0.7, 1.5
 """Ratio of what happens to what is expected"""
+BENDS = 0.6, 1.5
+"""The same of bends: errors that are equal all over an area act less on distortion than single ones of the same weight do."""
 
 
 def drawn(planned: PlannedNetwork, own: PlannedBlock, measures: PlannedMeasures, rng: np.random.Generator) -> PlannedNetwork:
@@ -85,7 +87,7 @@ def test_errors_are_as_large_as_expected(kind):
     bends = [np.ptp(forms @ (forms.T @ flown[:, 2] / len(xy))) for flown in found]
     assert AGREES[0] < np.sqrt(np.median(square[:, :2].mean(axis=1))) / expected.plan < AGREES[1]
     assert AGREES[0] < np.sqrt(np.median(square[:, 2])) / expected.height < AGREES[1]
-    assert AGREES[0] < np.sqrt(np.mean(np.square(bends))) / expected.bend < AGREES[1]
+    assert BENDS[0] < np.sqrt(np.mean(np.square(bends))) / expected.bend < BENDS[1]
 
 
 def precision(own: PlannedBlock, measures: PlannedMeasures = NO_MEASURES):
