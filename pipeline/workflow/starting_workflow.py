@@ -159,7 +159,7 @@ def write_starting_workflow(
     if path.exists():
         raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
     survey = survey_photographs(photos, root)
-    seen = look(survey.headers, crs or survey.beside.projected or survey.utm)
+    seen = _seen(look, survey, crs)
     text = starting_text(name, survey, catalogue, crs, seen)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -169,6 +169,16 @@ def write_starting_workflow(
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
     return StartingWorkflow(path, survey, seen, tuple(_notes(name, survey, crs)))
+
+
+def _seen(look: Look, survey: Survey, crs: str | None) -> FirstLook:
+    """The look at the headers. Expected errors are those of tags alone: not said where files beside the photographs are used."""
+    seen, beside = look(survey.headers, crs or survey.beside.projected or survey.utm), survey.beside
+    if not (beside.control or beside.positions or beside.camera):
+        return seen
+    unknown = "Expected accuracy: not foreseen from tags, for the files beside the photographs are used; the run states it."
+    told = {"bend": None, "accuracy": unknown if seen.expected.accuracy else None}
+    return seen.model_copy(update={"expected": seen.expected.model_copy(update=told)})
 
 
 def _check_name(name: str) -> None:
