@@ -39,6 +39,7 @@ from orthomill.pipeline.engine.running import MIB, TILES, Options, check_stage_n
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.forecast.forecast import forecast
+from orthomill.pipeline.forecast.outlook import outlook
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.records.records import Records
 from orthomill.pipeline.records.verification import verify as verify_results
@@ -56,7 +57,7 @@ from orthomill.pipeline.workflow.starting_workflow import write_starting_workflo
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Export
-from orthomill.tasks.catalogue import STAGES, Method, first_look, share_of, sizing_of, window_size_map
+from orthomill.tasks.catalogue import STAGES, Method, look_ahead, share_of, sizing_of, window_size_map
 
 app = typer.Typer(
     help="From overlapping photographs to a checked surface model and a blended true orthoimage.",
@@ -389,7 +390,7 @@ def init(
 ) -> None:
     """Write a commented starting workflow from the photographs' EXIF."""
     with plain_errors(debug):
-        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, first_look)
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, outlook(look_ahead, STAGES, Path.cwd()))
         for note in (*found_lines(start.survey, start.look), *start.notes):
             out.print(escape(note), soft_wrap=True)
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)

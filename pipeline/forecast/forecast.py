@@ -4,6 +4,7 @@ About: the median of what other blocks took for a megapixel. At most: twice as m
 stage that is planned replaces both by exact numbers.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -67,14 +68,18 @@ def forecast(session: Session) -> Forecast | None:
         return None
     # Not from its own earlier run: a forecast that knows the answer could not be judged by it.
     here = rates_here(session.root / "runs", but=session.folder)
-    kinds = [stage.kind for stage in session.stages]
+    return block_forecast([stage.kind for stage in session.stages], pixels / _MEGA, session.project.tile, here)
+
+
+def block_forecast(kinds: Sequence[str], megapixels: float, tile: int, here: Mapping[str, tuple[Rate, ...]]) -> Forecast:
+    """The forecast of the stages `kinds` for photographs of so many megapixels; `here`: the rates of this machine."""
     known = {kind: (*here.get(kind, ()), *REFERENCE.get(kind, ())) for kind in kinds}
     stages = {
-        kind: stage_forecast(rates, here.get(kind) or rates, pixels / _MEGA, (session.project.tile / TILE) ** 2)
+        kind: stage_forecast(rates, here.get(kind) or rates, megapixels, (tile / TILE) ** 2)
         for kind, rates in known.items()
         if rates
     }
-    return Forecast(pixels / _MEGA, stages, max(map(len, here.values()), default=0))
+    return Forecast(megapixels, stages, max(map(len, here.values()), default=0))
 
 
 def stage_forecast(rates: tuple[Rate, ...], timed: tuple[Rate, ...], megapixels: float, scale: float) -> StageForecast:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import wrap
 
 from pyproj.exceptions import CRSError
 
@@ -28,7 +29,8 @@ SETTINGS_SHOWN = 4
 """settings of a stage that a starting workflow shows; docs/settings.md has all"""
 _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 """Stages that need known truth or a reference."""
-
+_WIDTH = 120
+"""characters of a line of comments"""
 
 Look = Callable[[tuple[Header, ...], str | None], FirstLook]
 """From the headers of all photographs and the CRS, if any, to what is found in them."""
@@ -66,10 +68,10 @@ def write_starting_workflow(
     survey = survey_photographs(photos, root)
     if crs and (mistake := unfit_crs(crs, survey)):
         raise WorkflowError(mistake)
-    seen = look(survey.headers, crs or survey.beside.projected or survey.utm)
+    seen = _seen(look, survey, crs)
     # What is set aside says nothing of the cameras and places of the block.
     block = replace(survey, headers=tuple(header for header in survey.headers if header.path in set(seen.used)))
-    text = starting_text(name, block, catalogue, crs)
+    text = starting_text(name, block, catalogue, crs, seen)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # "x": whatever has appeared under this name since the check is not overwritten either.
@@ -89,6 +91,16 @@ def unfit_crs(crs: str, survey: Survey) -> str:
         return ""
 
 
+def _seen(look: Look, survey: Survey, crs: str | None) -> FirstLook:
+    """The look at the headers. Expected errors are those of tags alone: not said where files beside the photographs are used."""
+    seen, beside = look(survey.headers, crs or survey.beside.projected or survey.utm), survey.beside
+    if not (beside.control or beside.positions or beside.camera):
+        return seen
+    unknown = "Expected accuracy: not foreseen from tags, for the files beside the photographs are used; the run states it."
+    told = {"bend": None, "accuracy": unknown if seen.expected.accuracy else None}
+    return seen.model_copy(update={"expected": seen.expected.model_copy(update=told)})
+
+
 def _check_name(name: str) -> None:
     field = Project.model_fields["project"]
     pattern = next(item.pattern for item in field.metadata if getattr(item, "pattern", None))
@@ -96,12 +108,14 @@ def _check_name(name: str) -> None:
         raise WorkflowError(f"'{name}' is not a possible project name; it must be {bounds(field)[0]}.")
 
 
-def starting_text(name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None) -> str:
-    """The text of a starting workflow."""
+def starting_text(
+    name: str, survey: Survey, catalogue: tuple[type[Stage], ...], crs: str | None = None, look: FirstLook | None = None
+) -> str:
+    """The text of a starting workflow; what a `look` found stands in its head."""
     # What is unknown is written as an empty setting: the loader then names the line, and no placeholder can be run by mistake.
     stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST and not _asks(stage)]
     lines = [
-        *_head(name, survey),
+        *_head(name, survey, look.lines if look else ()),
         *_crs(survey, crs),
         "",
         "photographs:",
@@ -131,7 +145,7 @@ def _folders(survey: Survey) -> Iterator[str]:
         yield f"  folders: {survey.source.folders}  # {sentence(PhotoFolder.model_fields['folders'])}"
 
 
-def _head(name: str, survey: Survey) -> Iterator[str]:
+def _head(name: str, survey: Survey, found: tuple[str, ...]) -> Iterator[str]:
     yield f"# Starting workflow of the project {name}, made from the EXIF tags of {len(survey.headers)} photographs."
     yield f"# Check it, then run:  make project={name} run   (or: orthomill run {name})"
     for camera, photos in survey.cameras.most_common():
@@ -139,6 +153,8 @@ def _head(name: str, survey: Survey) -> Iterator[str]:
     for length, photos in survey.focal_lengths.most_common():
         yield f"#   focal length: {length:g} mm ({photos} photographs)"
     yield f"#   GPS position: {len(survey.places)} of {len(survey.headers)} photographs"
+    for sentence_found in found:
+        yield from wrap(sentence_found, _WIDTH, initial_indent="# ", subsequent_indent="#   ")
     yield ""
     yield f"project: {flow(name)}  # results go to runs/{name}"
 

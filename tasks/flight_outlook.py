@@ -1,0 +1,29 @@
+"""What photographs let expect of their block, from headers alone: positions of the stage `photos`, cameras of `calibration`, the
+planned block of `orientation`. Above the stages, which do not know each other."""
+
+from orthomill.schemas.errors import OrthomillError
+from orthomill.schemas.findings.flight_findings import ExpectedFlight, FirstLook
+from orthomill.schemas.photo import Header
+from orthomill.schemas.project import PositionsFromExif
+from orthomill.tasks.calibration.known_cameras import from_exif
+from orthomill.tasks.orientation.planned.flight_sentences import expected_flight
+from orthomill.tasks.photos.first_look import first_look
+from orthomill.tasks.photos.index import Limits, index_photos
+
+
+def look_ahead(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
+    """What is found in photographs, and what is to be expected of their block. Raises OrthomillError as `first_look`."""
+    seen = first_look(headers, crs)
+    used = tuple(header for header in headers if header.path in set(seen.used))
+    return seen.model_copy(update={"expected": expected_of(used, crs)})
+
+
+def expected_of(headers: tuple[Header, ...], crs: str | None) -> ExpectedFlight:
+    """What is to be expected of the block; nothing for photographs that no run can use, which is for others to say."""
+    if crs is None:
+        return ExpectedFlight(pattern="No positions in the tags: pattern, overlap and accuracy of the flight cannot be foreseen.")
+    try:
+        photos = index_photos(headers, crs, PositionsFromExif(kind="exif"), Limits(float("inf"))).photos
+        return expected_flight(photos, from_exif(photos).cameras)
+    except OrthomillError:
+        return ExpectedFlight()
