@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from orthomill.schemas.findings.flight_findings import FirstLook
-from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode, Photos
 from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report import remark_sentence
@@ -27,6 +27,9 @@ _HEIGHT = {
     "relative": "above the place of take-off",
 }
 
+_SAID = (PhotoRemarkCode.OWN_PRECISION, PhotoRemarkCode.FACTORY_CAMERA)
+"""Remarks that the lines of positions and cameras hold already."""
+
 
 def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
     """The findings in photographs. Without a CRS nothing is placed. Raises OrthomillError for photographs that no run can use."""
@@ -36,7 +39,7 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
         _cameras(photos),
         _positions(photos),
         _heights(photos),
-        (remark_sentence(remark) for remark in photos.remarks),
+        (remark_sentence(remark) for remark in photos.remarks if remark.code not in _SAID),
         rolling_shutter_sentences(photos.photos),
     )
     return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos))

@@ -11,7 +11,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
 from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, WeightedInterior, camera_covariance, interior_prior
-from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Interior, Network, Rays, State, common_shift
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.block.self_calibration import AREAS, determinable_without_control
 from orthomill.tasks.orientation.planned.planned_block import PlannedBlock
@@ -73,6 +73,7 @@ def planned_network(block: PlannedBlock, measures: PlannedMeasures = NO_MEASURES
     interior = _interior(block, measures)
     state = State(block.rotation.copy(), block.centre.copy(), ground, interior.value, np.zeros(3), lens=interior.lens)
     network, shift = _network(block, measures, interior, state)
+    state = replace(state, shift=np.zeros(network.shifts))
     # That function has its own account of areas.
     alone = replace(rays, sigma=np.full(len(rays), IMAGE))
     return PlannedNetwork(determinable_without_control(network, state, alone), state, rays, ties, shift)
@@ -188,9 +189,9 @@ def _network(block: PlannedBlock, measures: PlannedMeasures, interior: Interior,
         point_weight=point_weight,
         vertical_weight=np.full(len(block.centre), 1.0 / (len(block.centre) * _vertical_sigma(block) ** 2)),
         up=block.rotation[:, :, 2],
-        shift=bool(len(measures.control) and common.any()),
+        shift=common_shift(len(block.centre)) if len(measures.control) and common.any() else NOT_SHIFTED,
     )
-    return network, np.zeros(3) if network.shift else shared
+    return network, np.zeros(3) if network.shifts else shared
 
 
 def _vertical_sigma(block: PlannedBlock) -> float:
