@@ -144,7 +144,7 @@ bench-layouts: $(STAMP) ## Sixty layouts of photographs with planted blunders: w
 	@$(BIN)/python -m benchmarks.orientation.planted_layouts $(options)
 
 bench-flights: $(STAMP) ## Simulated flights with wrong cameras and all kinds of positions: bends, stated and named (options="--quick")
-	@$(BIN)/python -m benchmarks.flights $(options)
+	@$(BIN)/python -m benchmarks.flights.simulated_flights $(options)
 
 bench-registration: $(STAMP) ## Joint registration of simulated scans: precision that is true
 	@$(BIN)/python -m benchmarks.orientation.scan_registration

@@ -9,7 +9,7 @@ from hypothesis import settings
 
 import_module("orthomill.pipeline")  # gives numerical libraries one thread, as in the command, before any of them is loaded
 
-SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "checking", "boards")]
+SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards")]
 sys.path[:0] = SUPPORT
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))
 

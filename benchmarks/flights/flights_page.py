@@ -28,8 +28,8 @@ def page(rows: list[Judged], seconds: float) -> str:
     text = [
         "# Simulated flights: domes, stated and named",
         "",
-        f"`python -m benchmarks.flights` (make bench-flights), {machine()}; {revision()}; {len(rows)} flights in {seconds:.0f} s, "
-        f"{np.mean([row.cpu for row in rows]):.1f} CPU-seconds each.",
+        f"`python -m benchmarks.flights.simulated_flights` (make bench-flights), {machine()}; {revision()}; "
+        f"{len(rows)} flights in {seconds:.0f} s, {np.mean([row.cpu for row in rows]):.1f} CPU-seconds each.",
         "",
         "Image measurements of tie points with noise of 0.1 to 0.35 px and errors that neighbours share, no pixels; camera and "
         "standard errors as `init` takes them from tags. Truth: c within 10 % of the tag, principal point within 1 % of the width, "

@@ -28,7 +28,7 @@ from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, 
 from orthomill.tasks.photos.rolling_shutter import readout_s, stated_speed
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
-from orthomill.tasks.photos.sorting.photograph_names import named_apart
+from orthomill.tasks.photos.sorting.names_apart import named_apart
 from orthomill.tasks.photos.sorting.set_aside import without_others
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
 from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped, written_width

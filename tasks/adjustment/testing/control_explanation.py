@@ -83,7 +83,7 @@ def explained(equations: ControlEquations, most: int) -> Explanation:
     raise ArithmeticError("no hypothesis about the control is clear, not even that without wrong points; please report it")
 
 
-class _Judged(NamedTuple):
+class _Weighed(NamedTuple):
     """A hypothesis: the logarithm of its evidence, its most probable factor, and its wrong points (n,) bool."""
 
     evidence: float
@@ -91,14 +91,14 @@ class _Judged(NamedTuple):
     wrong: np.ndarray
 
 
-def _with_one_more(equations: ControlEquations, now: _Judged) -> _Judged | None:
+def _with_one_more(equations: ControlEquations, now: _Weighed) -> _Weighed | None:
     """The most probable hypothesis with one more wrong point among those that are checked; None without one."""
     number = np.flatnonzero(~now.wrong & (_redundancies(equations, now) >= CHECKED))
     tried = [_judged(equations, now.wrong | (np.arange(equations.points) == i)) for i in number]
     return max(tried, key=lambda each: each.evidence, default=None)
 
 
-def _is_clear(equations: ControlEquations, one: _Judged) -> bool:
+def _is_clear(equations: ControlEquations, one: _Weighed) -> bool:
     """Whether no other point in place of one of the wrong ones is nearly as probable."""
     for i in np.flatnonzero(one.wrong):
         for j in np.flatnonzero(~one.wrong):
@@ -109,7 +109,7 @@ def _is_clear(equations: ControlEquations, one: _Judged) -> bool:
     return True
 
 
-def _redundancies(equations: ControlEquations, now: _Judged) -> np.ndarray:
+def _redundancies(equations: ControlEquations, now: _Weighed) -> np.ndarray:
     """(n,) the mean redundancy numbers of the known coordinates of each point."""
     weight = np.where(np.repeat(now.wrong, 3), 0.0, equations.weight / now.factor**2)
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(equations.normal) + weight, 1e-300))
@@ -119,15 +119,15 @@ def _redundancies(equations: ControlEquations, now: _Judged) -> np.ndarray:
     return (numbers * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
 
 
-def _judged(equations: ControlEquations, wrong: np.ndarray) -> _Judged:
+def _judged(equations: ControlEquations, wrong: np.ndarray) -> _Weighed:
     evidence = _evidences(equations, wrong) + wrong.sum() * np.log(WRONG / (1.0 - WRONG))
     stated = evidence[0] + np.log(AS_STATED)
     larger = _log_mean(evidence[1:]) + np.log(1.0 - AS_STATED)
     total = float(np.logaddexp(stated, larger))
     if not larger > stated:
-        return _Judged(total, 1.0, wrong)
+        return _Weighed(total, 1.0, wrong)
     share = np.exp(evidence[1:] - evidence[1:].max())
-    return _Judged(total, float(np.exp(share @ np.log(FACTORS[1:]) / share.sum())), wrong)
+    return _Weighed(total, float(np.exp(share @ np.log(FACTORS[1:]) / share.sum())), wrong)
 
 
 def _log_mean(values: np.ndarray) -> float:

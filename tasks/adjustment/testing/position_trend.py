@@ -22,7 +22,7 @@ SMOOTH = 0.9
 
 
 @dataclass(frozen=True)
-class Trend:
+class HeightTrend:
     """A height difference a + b x + c y + q r^2 (r: distance from the middle, m): its `coefficients` (4,), their standard errors
     `sigma` (4,) by the scatter about it, this `scatter` (m), and the `radius` (m) of the farthest position."""
 
@@ -51,7 +51,7 @@ class Trend:
         return _design(xy - middle) @ self.coefficients
 
 
-def height_trend(xy: np.ndarray, difference: np.ndarray) -> Trend | None:
+def height_trend(xy: np.ndarray, difference: np.ndarray) -> HeightTrend | None:
     """The trend of height differences (n,) m at places (n, 2) m, in the order of exposure; None for fewer than LEAST, and where
     they lie in one place."""
     if len(xy) < LEAST:
@@ -70,7 +70,7 @@ def height_trend(xy: np.ndarray, difference: np.ndarray) -> Trend | None:
     scatter = float(np.sqrt((rest**2).sum() / redundancy)) if redundancy > 0 else np.inf
     alike = np.sqrt((1.0 + (r := _autocorrelation(rest))) / (1.0 - r))
     sigma = scatter * alike * np.linalg.norm(inverse, axis=1)
-    return Trend(found / unit, sigma / unit, scatter, radius)
+    return HeightTrend(found / unit, sigma / unit, scatter, radius)
 
 
 def _design(away: np.ndarray) -> np.ndarray:

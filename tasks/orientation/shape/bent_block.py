@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.findings.block_findings import BlockBent
 from orthomill.tasks.adjustment.model.datum import antennas
-from orthomill.tasks.adjustment.testing.position_trend import Trend, height_trend
+from orthomill.tasks.adjustment.testing.position_trend import HeightTrend, height_trend
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.shape.view_trend import ViewTrend, view_trend
 
@@ -42,7 +42,7 @@ def bent_block(results: BlockResults) -> Iterator[BlockBent]:
     )
 
 
-def _heights(results: BlockResults) -> Trend | None:
+def _heights(results: BlockResults) -> HeightTrend | None:
     """The trend of block minus given heights of the antennas; None for a free block, which has none."""
     if results.datum.free:
         return None

@@ -1,6 +1,6 @@
 """Simulated flights: is the ground bent more than stated, and is a dome named?
 
-    python -m benchmarks.flights [--quick] [count=N]      (make bench-flights)
+    python -m benchmarks.flights.simulated_flights [--quick] [count=N]      (make bench-flights)
 
 Every flight goes through the functions of the product that a workflow calls, with what the tags of its photographs say. A page and
 a table of all flights are written to benchmarks/results.
