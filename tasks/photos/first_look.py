@@ -3,12 +3,13 @@
 Everything is said of the photographs as the stage will use them, so that `init` and a run cannot disagree.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from itertools import chain
 
+from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.flight_findings import FirstLook
-from orthomill.schemas.photo import Header, Photo, Photos
+from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode, Photos
 from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report import remark_sentence
@@ -27,6 +28,9 @@ _HEIGHT = {
     "relative": "above the place of take-off",
 }
 
+_SAID = (PhotoRemarkCode.OWN_PRECISION, PhotoRemarkCode.FACTORY_CAMERA)
+"""remarks that say less than the lines of cameras and positions here"""
+
 
 def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
     """The findings in photographs. Without a CRS nothing is placed. Raises OrthomillError for photographs that no run can use."""
@@ -36,17 +40,21 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
         _cameras(photos),
         _positions(photos),
         _heights(photos),
-        (remark_sentence(remark) for remark in photos.remarks),
+        (remark_sentence(remark) for remark in photos.remarks if remark.code not in _SAID),
         rolling_shutter_sentences(photos.photos),
     )
     return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos))
 
 
 def _cameras(photos: Photos) -> Iterator[str]:
+    """A line for all cameras of which the same is known."""
     count = Counter(photo.camera for photo in photos.photos)
     first = {photo.camera: photo for photo in reversed(photos.photos)}
+    alike = defaultdict(list)
     for camera, number in count.most_common():
-        yield f"Camera: {camera} ({number}); {_interior(first[camera])}."
+        alike[_interior(first[camera])].append(f"{camera} ({number})")
+    for interior, cameras in alike.items():
+        yield f"Camera{'s' * (len(cameras) > 1)}: {some_of(cameras, 4)}; {interior}."
 
 
 def _interior(photo: Photo) -> str:
