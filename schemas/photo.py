@@ -149,7 +149,7 @@ class PhotoRemarkCode(StrEnum):
     """What was noticed about files and positions without being a reason to refuse them."""
 
     DUPLICATE_NAME = "duplicate_name"
-    """Two files have the same name; `photos` holds the path of the one that is used and of the one that is set aside."""
+    """Files have the same name; `photos` holds, for each one that is set aside, the path of the one that is used and its own."""
     STRAY_POSITION = "stray_position"
     """The GPS tag of a photograph lies `distance_km` from the others and is not used."""
     DAMAGED_TAGS = "damaged_tags"

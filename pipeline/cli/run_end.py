@@ -16,7 +16,7 @@ from orthomill.pipeline.report.numbers import bytes_text
 from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.storage.store import Store
 
-CAUTIONS_SHOWN = 3
+CAUTIONS_SHOWN, FAILURES_SHOWN = 3, 5
 COLOURS = {"good": "green", "unjudged": "green", "fair": "yellow", "partial": "yellow", "poor": "red", "open": "red"}
 WORDS = {"doubt": "doubtful", "loss": "costs accuracy or ground"}
 
@@ -52,13 +52,10 @@ def tell(end: RunEnd, out: Console, err: Console) -> None:
     """Print it for a person."""
     facts, page = end.facts, end.page
     out.print(f"{end.counts}; report: {end.folder / 'report.html'}", soft_wrap=True)
-    for failure in facts.failures:
+    for failure in facts.failures[:FAILURES_SHOWN]:
         err.print(f"[red]failed[/red] {escape(failure.key)}: {escape(failure.sentence)}", soft_wrap=True)
-    if not facts.complete:
-        err.print(
-            "The project is not complete. What does not depend on the failed jobs is done; fix the cause and run again.",
-            soft_wrap=True,
-        )
+    if (more := len(facts.failures) - FAILURES_SHOWN) > 0:
+        err.print(f"... and {more} more failed; they are in the report.")
     out.print(f"[{COLOURS[page.level]}]{escape(page.headline)}[/]", soft_wrap=True)
     for reason in page.reasons:
         out.print(f"  {escape(reason.sentence)}", soft_wrap=True)

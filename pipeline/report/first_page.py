@@ -120,7 +120,9 @@ def job_count(run: RunFacts) -> str:
     )
     otherwise = "no job has run" if run.finished else "it is still running or was interrupted"
     reason = "; ".join(part for part in missing if part) or otherwise
-    return f"{reason}. What is said below holds for what is done; run the project again to continue."
+    # What depends on no failed job is done all the same.
+    again = "mend what failed and run the project again" if run.failures else "run the project again to continue"
+    return f"{reason}. What is said below holds for what is done; {again}."
 
 
 def counted(count: int, one: str, many: str) -> str:

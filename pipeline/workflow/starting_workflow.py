@@ -79,7 +79,7 @@ def write_starting_workflow(
             file.write(text)
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
-    return StartingWorkflow(path, survey, seen, tuple(_notes(name, block, crs)))
+    return StartingWorkflow(path, survey, seen, tuple(_notes(block, crs)))
 
 
 def unfit_crs(crs: str, survey: Survey) -> str:
@@ -255,7 +255,7 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
             yield f"    {name}:  # to be filled in: {sentence(field)}"
 
 
-def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
+def _notes(survey: Survey, crs: str | None) -> Iterator[str]:
     beside = survey.beside
     for path, use, form in (
         (beside.control, "ground control", beside.control_format),
@@ -289,4 +289,3 @@ def _notes(name: str, survey: Survey, crs: str | None) -> Iterator[str]:
         )
     if len(survey.cameras) > 1:
         yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is included by mistake."
-    yield f"Then run: make project={name} run"

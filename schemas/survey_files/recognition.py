@@ -93,8 +93,8 @@ def _table_of_positions(comments: list[str], data: list[str], names: PhotographN
         at = has.index("photo") if "photo" in has else has.index("name")
         rows = [sign.cells(line) for line in body]
         words = [row[at] for row in rows if len(row) > at]
-        # A list of points has the same columns; it names no photographs.
-        if "photo" in has or any(names.find(word) for word in words):
+        # A list of points has the same columns; it names no photographs, of this flight or another.
+        if "photo" in has or any(names.find(word) or is_image_word(word) for word in words):
             x, y = has.index(place[0]), has.index(place[1])
             site = _site([rows[0][x], rows[0][y]], False, sign) if place[0] == "lon" and rows and len(rows[0]) > max(x, y) else None
             return FoundPositions("table with named columns", len(words), _count(words, names), _stated(comments), site)
@@ -153,7 +153,11 @@ def control_in(text: str, names: PhotographNames) -> FoundControl | None:
         own = frozenset(row[has.index("name")] for line in body if len(row := sign.cells(line)) > has.index("name"))
         if {"photo", "col", "row"} <= set(has):
             return FoundControl("control measurements", "marks", own)
-        if "photo" not in has and ({"x", "y"} <= set(has) or {"lon", "lat"} <= set(has)) and not any(map(names.find, own)):
+        if (
+            "photo" not in has
+            and ({"x", "y"} <= set(has) or {"lon", "lat"} <= set(has))
+            and not any(names.find(one) or is_image_word(one) for one in own)
+        ):
             return FoundControl("control points", "points", own, _stated(comments))
     return _headless_control(data, names)
 

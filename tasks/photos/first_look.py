@@ -3,10 +3,11 @@
 Everything is said of the photographs as the stage will use them, so that `init` and a run cannot disagree.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from itertools import chain
 
+from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode, Photos
 from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
@@ -28,7 +29,7 @@ _HEIGHT = {
 }
 
 _SAID = (PhotoRemarkCode.OWN_PRECISION, PhotoRemarkCode.FACTORY_CAMERA)
-"""Remarks that the lines of positions and cameras hold already."""
+"""remarks that say less than the lines of cameras and positions here"""
 
 
 def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
@@ -46,10 +47,14 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
 
 
 def _cameras(photos: Photos) -> Iterator[str]:
+    """A line for all cameras of which the same is known."""
     count = Counter(photo.camera for photo in photos.photos)
     first = {photo.camera: photo for photo in reversed(photos.photos)}
+    alike = defaultdict(list)
     for camera, number in count.most_common():
-        yield f"Camera: {camera} ({number}); {_interior(first[camera])}."
+        alike[_interior(first[camera])].append(f"{camera} ({number})")
+    for interior, cameras in alike.items():
+        yield f"Camera{'s' * (len(cameras) > 1)}: {some_of(cameras, 4)}; {interior}."
 
 
 def _interior(photo: Photo) -> str:

@@ -242,14 +242,14 @@ def _refusal(header: Header, limits: Limits) -> str | None:
 
 
 def _without_duplicates(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:
-    """The first photograph of every name, and a remark about each one that is set aside."""
+    """The first photograph of every name, and a remark about those that are set aside."""
     first: dict[str, Photo] = {}
-    remarks = []
+    pairs: list[str] = []
     for photo in photos:
         twin = first.setdefault(photo.name, photo)
         if twin is not photo:
-            remarks.append(PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=(twin.path, photo.path)))
-    return list(first.values()), remarks
+            pairs += [twin.path, photo.path]
+    return list(first.values()), [PhotoRemark(code=PhotoRemarkCode.DUPLICATE_NAME, photos=tuple(pairs))] if pairs else []
 
 
 def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:

@@ -76,6 +76,6 @@ def heights_sentence(heights: HeightsOfPositions) -> str | None:
     if heights.system and not heights.target:
         return (
             f"Heights are those of the positions, {heights.system}: the crs of the project has no vertical part. For heights above "
-            "the sea add one, e.g. crs: EPSG:32634+5773."
+            "the sea add one to it, e.g. +5773 (EGM96)."
         )
     return None

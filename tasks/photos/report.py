@@ -27,6 +27,8 @@ _GRAVE = (
     PhotoRemarkCode.NO_ALTITUDE,
     PhotoRemarkCode.DAMAGED_TAGS,
 )
+# These say themselves that there are several cameras.
+_APART = (PhotoRemarkCode.DIGITAL_ZOOM, PhotoRemarkCode.SEVERAL_SERIALS)
 _SCAN_COLUMNS = (
     "photo",
     "marks",
@@ -100,11 +102,7 @@ def _cameras(photos: Photos) -> str:
 def remark_sentence(remark: PhotoRemark) -> str:
     """What a remark of the index says to a person."""
     if remark.code is PhotoRemarkCode.DUPLICATE_NAME:
-        used, set_aside = remark.photos
-        return (
-            f"{used} and {set_aside} have the same name {used.rpartition('/')[2].rpartition('.')[0]}, by which photographs are "
-            "identified: the second was set aside; rename it if it is another photograph."
-        )
+        return _same_names(remark.photos)
     if remark.code is PhotoRemarkCode.STRAY_POSITION:
         return (
             f"The GPS tag of {remark.photos[0]} lies {remark.distance_km or 0.0:.0f} km from the other photographs and is not "
@@ -138,6 +136,20 @@ def remark_sentence(remark: PhotoRemark) -> str:
         f"{some_of(remark.photos)}: the size of the other photographs of this camera with width and height exchanged, and no EXIF "
         "flag that explains it. A program rotated the pixels; in which direction is unknown, so the interior orientation cannot be "
         "shared with the others and is adjusted separately. Use the files as the camera wrote them."
+    )
+
+
+def _same_names(paths: tuple[str, ...]) -> str:
+    """paths: of each file that is used, followed by that of the one that is set aside."""
+    if len(paths) > 2:
+        return (
+            f"{len(paths) // 2} files have the names of others, by which photographs are identified, and were set aside: "
+            f"{some_of(paths[1::2], 3)}. Rename those that are other photographs."
+        )
+    used, set_aside = paths
+    return (
+        f"{used} and {set_aside} have the same name {used.rpartition('/')[2].rpartition('.')[0]}, by which photographs are "
+        "identified: the second was set aside; rename it if it is another photograph."
     )
 
 
@@ -308,7 +320,7 @@ def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> I
             "same camera have one."
         )
     cameras = {photo.camera for photo in photos.photos}
-    if len(cameras) > 1:
+    if len(cameras) > 1 and not any(remark.code in _APART for remark in photos.remarks):
         yield (
             f"The photographs come from {len(cameras)} cameras, focal lengths or image sizes; "
             "each gets its own interior orientation."

@@ -194,6 +194,15 @@ def test_of_two_files_with_one_name_the_second_is_set_aside():
     assert remark_sentence(photos.remarks[0]).startswith("photos/d.jpg and photos/d.tif have the same name d,")
 
 
+def test_a_folder_of_copies_is_told_in_one_sentence():
+    files = ("d.jpg", "d.tif", "e.jpg", "e.tif", "f.jpg", "f.tif", "g.jpg", "g.tif")
+    (remark,) = photos_of(tuple(map(header, files)), "EPSG:26915", EXIF_POSITIONS, LIMITS).remarks
+    assert remark_sentence(remark) == (
+        "4 files have the names of others, by which photographs are identified, and were set aside: photos/d.tif, photos/e.tif, "
+        "photos/f.tif and 1 more. Rename those that are other photographs."
+    )
+
+
 def test_files_of_one_name_in_different_folders_are_different_photographs():
     files = ("d.jpg", "100MEDIA/a.jpg", "101MEDIA/a.jpg", "A/1/b.jpg", "B/1/b.jpg", "A/c.jpg")
     photos = photos_of(tuple(map(header, files)), "EPSG:26915", EXIF_POSITIONS, LIMITS)

@@ -7,7 +7,7 @@ LibRaw).
 from enum import StrEnum
 from functools import cache
 from importlib.util import find_spec
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 DEVELOPED_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
 HEIF_SUFFIXES = frozenset({".heic", ".heif"})
@@ -19,6 +19,8 @@ _IMAGE = frozenset(
 )
 _FOLDER_PICTURES = frozenset({"thumbs.db", "desktop.ini", ".ds_store"})
 EXTRA = "install the extra for them: pip install 'orthomill[formats]'"
+_LONGEST_LINK = 1024
+"""bytes"""
 
 
 class Kind(StrEnum):
@@ -46,7 +48,7 @@ SPEECH: dict[Kind, tuple[str, str, str]] = {
     Kind.RAW_BESIDE: ("raw photograph", "raw photographs", "a developed one of the same name lies beside it and is used"),
     Kind.BELOW: ("photograph in folders below", "photographs in folders below", "set 'folders: all' in the workflow to take them"),
     Kind.LINKED_FOLDER: ("link to a folder", "links to folders", "they are not followed"),
-    Kind.BROKEN_LINK: ("broken link", "broken links", "what they name is not there"),
+    Kind.BROKEN_LINK: ("broken link", "broken links", "copy the photographs that were meant"),
     Kind.UNREADABLE: ("folder that cannot be read", "folders that cannot be read", "correct the permissions"),
     Kind.HIDDEN: ("hidden file named like a photograph", "hidden files named like photographs", "they hold no picture"),
     Kind.VIDEO: ("video", "videos", "only photographs are used"),
@@ -87,3 +89,18 @@ def kind_of_file(name: str) -> Kind:
         (Kind.IMAGE, _IMAGE),
     )
     return next((kind for kind, suffixes in kinds if suffix in suffixes), Kind.OTHER)
+
+
+def is_link_text(path: Path) -> bool:
+    """Whether a file is a text that stands for a photograph: the target of a link, as git and zip write it where links are not
+    possible, or a pointer of Git LFS or git-annex."""
+    try:
+        if path.stat().st_size > _LONGEST_LINK:
+            return False
+        text = path.read_bytes().decode()
+    except (OSError, UnicodeDecodeError):  # what cannot be read is told when the photograph is
+        return False
+    if text.startswith("version https://git-lfs.github.com/"):
+        return True
+    target = text.strip()
+    return target.isprintable() and "/" in target and PurePath(target).suffix.lower() == path.suffix.lower()

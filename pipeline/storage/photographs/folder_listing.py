@@ -14,7 +14,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
 from orthomill.pipeline.storage.image_files import shown
-from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, RAW_SUFFIXES, SPEECH, Kind, kind_of_file
+from orthomill.pipeline.storage.photographs.file_kinds import (
+    DEVELOPED_SUFFIXES,
+    RAW_SUFFIXES,
+    SPEECH,
+    Kind,
+    is_link_text,
+    kind_of_file,
+)
 from orthomill.schemas.errors import WorkflowError, some_of
 from orthomill.schemas.project import PhotoFiles, PhotoFolder
 
@@ -81,7 +88,7 @@ class _Search:
 
     def _file(self, path: Path, exists: bool) -> None:
         kind = kind_of_file(path.name)
-        if kind is Kind.PHOTOGRAPH and exists:
+        if kind is Kind.PHOTOGRAPH and exists and not is_link_text(path):
             self.found.append(path)
         elif kind is Kind.PHOTOGRAPH:
             self.left[Kind.BROKEN_LINK].append(self._name(path))

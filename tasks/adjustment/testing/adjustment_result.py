@@ -72,8 +72,9 @@ class CorrelatedErrors:
 
 @dataclass(frozen=True, eq=False)
 class Covariances:
-    """The covariance of the unknowns of the reduced system, and that of the points (N, 3, 3) m^2."""
+    """The covariance of the unknowns of the reduced system of a network, and that of the points (N, 3, 3) m^2."""
 
+    network: Network
     cofactor: Covariance
     point: np.ndarray
 
@@ -119,7 +120,9 @@ class Adjustment:
         white = self.white
         if white.computed is None:
             return white
-        return replace(white, cofactor=white.computed.cofactor, point_covariance=white.computed.point, computed=None)
+        own = white.computed
+        # Its network as well: parameters that are considered since then have columns of their own.
+        return replace(white, network=own.network, cofactor=own.cofactor, point_covariance=own.point, computed=None)
 
     @property
     def sigma0_px(self) -> float:

@@ -26,7 +26,7 @@ def precise_solution(network: Network, state: State, rays: Rays, used: np.ndarra
     computed = None
     if network.considered_columns.any():
         # The redundancy numbers are those of the adjustment as computed; the covariance is that of what it does not know, too.
-        computed = Covariances(cofactor, points)
+        computed = Covariances(network, cofactor, points)
         cofactor = with_considered(network, linear, cofactor)
         points, _ = points_and_rays(network, linear, cofactor)
     numbers, standardised = np.full((len(rays), 2), np.nan), np.full((len(rays), 2), np.nan)

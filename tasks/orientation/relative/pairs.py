@@ -147,8 +147,9 @@ def _without_base(names: tuple[str, str], rotated: PureRotation, matches: int) -
         outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
     else:
         outcome = (
-            f"{names[0]} and {names[1]} were taken from one place (pure rotation): {kept} of {matches} matches show no parallax, "
-            "so they give no points on the ground. Photographs from other places are needed."
+            f"{kept} of {matches} matches of {names[0]} and {names[1]} show no parallax, as if both were taken from one place "
+            "(pure rotation), so they give no points on the ground. Photographs from other places, or tie points over more of the "
+            "frame, are needed."
         )
     turn = tuple(float(v) for v in np.degrees(angles(rotated.rotation)))
     return RelativeOrientation(

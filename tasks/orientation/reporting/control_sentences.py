@@ -146,6 +146,12 @@ def _about_zero(finding: HeightsAllZero) -> str:
     )
 
 
+def _compound(crs: str, vertical: int) -> str:
+    """The code of a system with a vertical part, that of an example where the system has no plain code."""
+    plain = crs.upper().startswith("EPSG:") and "+" not in crs
+    return f"{crs if plain else 'EPSG:26915'}+{vertical}"
+
+
 def height_sentence(finding: HeightsUnknown | HeightsInFeet | HeightsOfTwoSystems) -> str:
     """What was found about heights of surveyed points."""
     if isinstance(finding, HeightsUnknown):
@@ -155,12 +161,12 @@ def height_sentence(finding: HeightsUnknown | HeightsInFeet | HeightsOfTwoSystem
     if isinstance(finding, HeightsInFeet) and finding.converted:
         return (
             f"{finding.crs} is in feet, and the heights of the surveyed points were taken as feet, too ({finding.unit_m:.7f} m). "
-            "If they are metres, name a system with a vertical part in metres (control > crs), as EPSG:26849+5703."
+            f"If they are metres, name a system with a vertical part in metres (control > crs), as {_compound(finding.crs, 5703)}."
         )
     if isinstance(finding, HeightsInFeet):
         return (
             "The surveyed points lie above all cameras as metres, and below them as feet: their heights seem to be in feet. "
-            "Convert them, or name a system with a vertical part in feet (control > crs), as EPSG:26915+6360."
+            f"Convert them, or name a system with a vertical part in feet (control > crs), as {_compound(finding.crs, 6360)}."
         )
     if finding.shift_m is None:
         return (

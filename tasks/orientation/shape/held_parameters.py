@@ -16,7 +16,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, InteriorChoice, camera_covariance
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Interior
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Covariances
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
 from orthomill.tasks.adjustment.testing.error_fields import weighted_rays
 from orthomill.tasks.orientation.block.assembly import BlockResults
@@ -64,7 +64,8 @@ def with_held(result: Adjustment, sigma: np.ndarray) -> Adjustment:
     linear = linearised(known, result.state, weighted_rays(result))
     cofactor = with_considered(known, linear, covariance_of(known, result.state, linear))
     points, _ = points_and_rays(known, linear, cofactor)
-    return replace(result, network=known, cofactor=cofactor, point_covariance=points)
+    computed = result.computed or Covariances(network, result.cofactor, result.point_covariance)
+    return replace(result, network=known, cofactor=cofactor, point_covariance=points, computed=computed)
 
 
 def _moments(result: Adjustment, held: np.ndarray, sigma: np.ndarray) -> list[np.ndarray]:

@@ -173,7 +173,7 @@ def _best_failure(material: GrowthMaterial) -> str:
     if not material.relative:
         return "none of them share enough tie points: give photographs that overlap by half or more."
     best = max(material.relative, key=lambda pair: pair.matches)
-    return f"the best pair, {best.left} and {best.right}, failed: {best.outcome}"
+    return f"of the pair with most matches is known: {best.outcome}"
 
 
 def _groups(material: GrowthMaterial, free: np.ndarray) -> list[np.ndarray]:

@@ -15,7 +15,8 @@ from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.testing.adjustment_result import Factors
 from orthomill.tasks.adjustment.testing.covariances import covariance_of
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
-from orthomill.tasks.orientation.shape.held_parameters import held_sigmas, moment
+from orthomill.tasks.adjustment.testing.variance_components import position_covariances
+from orthomill.tasks.orientation.shape.held_parameters import held_sigmas, moment, with_held
 from orthomill.tasks.orientation.shape.shape_precision import bend_forms, form_covariance
 
 SIZE = np.tile([1000.0, 800.0], (4, 1))
@@ -79,6 +80,18 @@ def test_what_a_block_says_bounds_a_held_parameter_and_its_wish_enlarges_it():
     assert moment(telling, np.zeros(2), prior, 50.0)[0, 0] == pytest.approx(50.0 / 1.5, rel=0.03)
     wanting = moment(telling, np.array([4.0, 0.0]), prior, 1.0)
     assert wanting[0, 0] == pytest.approx(1.0 + 16.0)
+
+
+def test_the_covariance_as_computed_keeps_the_unknowns_that_it_has():
+    """Held parameters are columns that it lacks: the common shift of positions, which comes last, would be read beyond its end."""
+    network, state, rays = small_network(noise=1.0)
+    plain = precise_solution(network, state, rays, np.ones(len(rays), bool), Factors())
+    held = with_held(plain, np.where(np.arange(8) == 5, 0.02, 0.0)[None])
+    assert held.network.unknowns == len(held.cofactor) == plain.network.unknowns + 1
+    assert held.as_computed.network.unknowns == len(held.as_computed.cofactor) == plain.network.unknowns
+    photos = np.arange(network.photos)
+    assert np.array_equal(position_covariances(held.as_computed, photos), position_covariances(plain, photos))
+    assert np.isfinite(position_covariances(held, photos)).all()
 
 
 def test_only_cameras_from_tags_have_held_parameters():

@@ -9,8 +9,9 @@ from orthomill.pipeline.storage.image_files import read_header
 from orthomill.schemas.photo import Header, PhotoRemarkCode, Photos
 from orthomill.schemas.project import PositionsFromExif
 from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_from_exif
+from orthomill.tasks.photos.first_look import first_look
 from orthomill.tasks.photos.index import Limits, index_photos
-from orthomill.tasks.photos.report import remark_sentence
+from orthomill.tasks.photos.report import header_warnings, remark_sentence
 
 SHARED = Path(__file__).parents[4] / "shared"
 YARD = SHARED / "data" / "rtk_yard"
@@ -132,3 +133,14 @@ def test_inputs_that_failed():
         assert len({photo.camera for photo in case(name).photos}) == 2
     # Bands are set aside by their tags, and no colour photograph as their copy.
     assert [photo.band for photo in case("rgb_and_bands").photos] == [None] * 4
+
+
+def test_the_first_look_says_nothing_twice():
+    headers = [header(name, i, BodySerialNumber=name, **dji(RtkFlag="50", **RTK)) for i, name in enumerate(("A1", "B2"))]
+    lines = first_look(tuple(headers), "EPSG:32632").lines
+    assert sum("fixed" in line for line in lines) == 1 and sum(line.startswith("Camera") for line in lines) == 2
+    assert lines[0].startswith(
+        "Cameras: DJI FC9999 8.8 mm no. A1 4000 x 3000 (1), DJI FC9999 8.8 mm no. B2 4000 x 3000 (1); no factory"
+    )
+    (told,) = (line for line in header_warnings(block(*headers), "exif", "exif") if "cameras" in line.lower())
+    assert told.startswith("Cameras of one model have different serial numbers")

@@ -155,8 +155,9 @@ def test_positions_of_programs_are_used(root, name, text, form):
     assert project.crs == ("EPSG:32615" if name == "geo.txt" else "EPSG:32632"), "of the file, or the zone of its degrees"
 
 
-def test_positions_of_other_photographs_are_not_used_and_named(root):
-    (root / "site" / "gnss.csv").write_text(POSITIONS.replace("a,1", "DJI_1,1"))
+@pytest.mark.parametrize("text", [POSITIONS.replace("a,1", "DJI_1,1"), "name,X,Y,Z\nDJI_1.JPG,1,2,3\nDJI_2.JPG,2,3,4\n"])
+def test_positions_of_other_photographs_are_not_used_and_named(root, text):
+    (root / "site" / "gnss.csv").write_text(text)
     beside = found(root)
     assert beside.positions is None
     assert beside.unused == (

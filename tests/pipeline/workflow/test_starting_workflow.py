@@ -39,7 +39,7 @@ def test_photographs_that_tell_everything_give_a_workflow_that_loads(root):
     assert loaded.project.crs == "EPSG:32634"
     assert loaded.project.cameras.kind == loaded.project.positions.kind == "exif"
     assert [stage.kind for stage in loaded.stages] == ["matching", "painting"]
-    assert start.notes == ("Then run: make project=site run",)
+    assert start.notes == ()
 
 
 def test_a_crs_that_is_given_is_taken(root):
@@ -60,7 +60,7 @@ def test_photographs_without_exif_get_a_guessed_camera_and_no_blank(root):
         photograph(root / "scans" / name)
     start = write_starting_workflow("scans", root / "scans", root, CATALOGUE)
     assert "kind: given" in start.path.read_text() and "kind: none  # no photograph has GPS tags" in start.path.read_text()
-    assert len(start.notes) == 3 and "guessed" in start.notes[0] and "local system" in start.notes[1]
+    assert len(start.notes) == 2 and "guessed" in start.notes[0] and "local system" in start.notes[1]
     assert load_workflow(start.path, CATALOGUE).project.cameras.kind == "exif"
 
 
@@ -123,13 +123,20 @@ def test_whatever_is_left_out_is_said(root, monkeypatch):
     for name in ("a.HEIC", "b.dng", "c.mp4", "d.gif", "._DJI_0.JPG", "e.lrf", "notes.txt", "f.MRK"):
         (folder / name).write_bytes(b"x")
     (folder / "gone.jpg").symlink_to(root / "nowhere.jpg")
+    (folder / "as_text.jpg").write_text("../annex/as_text.jpg")  # a link where git could not make one
+    (folder / "pointer.tif").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
     (folder / "100MEDIA").symlink_to(folder)
     start = write_starting_workflow("site", folder, root, CATALOGUE)
     lines = list(start.survey.left_out)
     readable_suffixes.cache_clear()
     for words in ("1 HEIC photograph (a.HEIC)", "1 raw photograph (b.dng)", "1 video (c.mp4)", "1 image of another format (d.gif)"):
         assert sum(line.startswith(f"Left out: {words}; ") for line in lines) == 1, words
-    for words in ("broken link (gone.jpg)", "hidden file named like a photograph (._DJI_0.JPG)", "preview", "link to a folder"):
+    for words in (
+        "3 broken links (as_text.jpg, gone.jpg, pointer.tif)",
+        "hidden file named like a photograph (._DJI_0.JPG)",
+        "preview",
+        "link to a folder",
+    ):
         assert sum(words in line for line in lines) == 1, words
     assert len(lines) == 8 and "orthomill[formats]" in lines[0] and len(start.survey.headers) == 3
 
