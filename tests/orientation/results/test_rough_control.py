@@ -49,9 +49,9 @@ def codes(out):
     return [finding.code for finding in out["precision"].findings]
 
 
-@pytest.mark.parametrize("gnss", [None, 3.0])
-def test_control_from_a_web_map_takes_part_as_it_is_good_and_none_of_it_is_called_wrong(gnss):
-    block, ratio = from_a_web_map(layout("crossed_block", "control"), 5, np.random.default_rng(0))
+@pytest.mark.parametrize(("shape", "gnss"), [("crossed_block", None), ("crossed_block", 3.0), ("kite", None)])
+def test_control_from_a_web_map_takes_part_as_it_is_good_and_none_of_it_is_called_wrong(shape, gnss):
+    block, ratio = from_a_web_map(layout(shape, "control"), 5, np.random.default_rng(0))
     out = orient(with_positions(block, gnss, np.random.default_rng(0)) if gnss else block)
     assert ratio / 2 < out["precision"].control_factor < 2 * ratio
     assert out["precision"].blunders == () and "measurements_rejected" not in codes(out)
