@@ -226,11 +226,13 @@ def _common_points(model: State, known: Known, shift: bool) -> _CommonPoints:
 
 
 def _rough_scale(model: np.ndarray, ground: np.ndarray, surveyed: np.ndarray) -> float:
-    """m per unit of the model, by how far points (n, 3) lie apart; by control where there are two points of it."""
+    """m per unit of the model, by how far points (n, 3) lie apart; by control where there are two points of it; 0 without any."""
     own = surveyed if surveyed.sum() >= 2 else np.ones(len(model), bool)
+    if not own.any():
+        return 0.0
     apart = [np.linalg.norm(each[own] - np.median(each[own], axis=0), axis=1) for each in (ground, model)]
     # Medians: a few wrong points do not make a block larger.
-    return float(np.median(apart[0]) / max(np.median(apart[1]), 1e-300)) if own.any() else 0.0
+    return float(np.median(apart[0]) / max(np.median(apart[1]), 1e-300))
 
 
 def _fit(points: _CommonPoints, constraint: VerticalityConstraint) -> _DatumFit:
