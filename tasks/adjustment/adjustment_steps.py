@@ -109,7 +109,7 @@ def _bent_by_coordinates(now: Progress) -> np.ndarray:
     """(N,) bool: surveyed points whose coordinates turned out worse than the solution took them for: they have bent their rays,
     which are tested in the next one."""
     grown = now.estimated.control > now.factors.control and not converged(now.estimated, now.factors)
-    return now.network.point_weight.any(axis=1) & grown
+    return np.asarray(now.network.point_weight.any(axis=1)) & grown
 
 
 def settled(now: Progress) -> Progress:
