@@ -87,7 +87,7 @@ def with_variance_components(now: Progress) -> Progress:
 def without_ray_blunders(now: Progress) -> Progress:
     """Rejects the worst ray of every point whose standardised residual is too large, by the standard errors that the rays left
     yield; a point that has lost a ray waits for the next solution. So few rays as exceed the limit by chance change nothing."""
-    solution, left, waiting = now.solution, now.used, np.zeros(len(now.state.point), bool)
+    solution, left, waiting = now.solution, now.used, _bent_by_coordinates(now)
     least = UNBENT * now.estimated.image
     while now.estimated.image >= least:
         # The residuals are standardised with the old factors; the quotient turns the limit into units of the new ones.
@@ -103,6 +103,13 @@ def without_ray_blunders(now: Progress) -> Progress:
     # Rays about the limit would otherwise be found one by one, each by the small shift that the last one caused.
     chance = 4.0 * ndtr(-now.test.limit) * left.sum()
     return replace(now, used=left, changed=now.changed or bool((left != now.used).sum() > chance))
+
+
+def _bent_by_coordinates(now: Progress) -> np.ndarray:
+    """(N,) bool: surveyed points whose coordinates turned out worse than the solution took them for: they have bent their rays,
+    which are tested in the next one."""
+    grown = now.estimated.control > now.factors.control and not converged(now.estimated, now.factors)
+    return np.asarray(now.network.point_weight.any(axis=1)) & grown
 
 
 def settled(now: Progress) -> Progress:

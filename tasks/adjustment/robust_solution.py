@@ -18,7 +18,13 @@ from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.adjustment_result import surveyed
 from orthomill.tasks.adjustment.testing.distance_agreement import agreement
-from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, pointing_spread, surveyed_factors
+from orthomill.tasks.adjustment.testing.gross_blunders import (
+    gross_blunder,
+    lengths_of_rays,
+    pointing_spread,
+    surveyed_factors,
+    well_pointed,
+)
 
 # The unit changes as the block improves: the first two solutions need no sharp end.
 TOLERANCES = (1e-2, 1e-2, 1e-3)
@@ -68,6 +74,8 @@ def _without_gross_rays(now: Progress) -> Progress:
     # Coordinates that are wrong but not yet found must not take their rays with them.
     pulled = spread(size[now.used & by_person]) if (now.used & by_person).any() else 0.0
     good = size < now.test.gross * np.where(by_person, np.maximum(unit, pulled), unit)
+    scaled = replace(now.rays, sigma=now.rays.sigma * unit).take(now.used)
+    good |= by_person & well_pointed(now.network, now.state, scaled, now.test.gross)[now.rays.point]
     return replace(now, used=enough_rays(now.network, now.rays, now.used & good))
 
 

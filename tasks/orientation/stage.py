@@ -278,14 +278,14 @@ class OrientationStage(Stage):
             points, measurements = map(view.run_file, _SIMULATED)
             return _control_job(control_from_files, _control_texts(points, measurements), {"own": None, "crs": view.project.crs})
         reads: Reads = {"photos": PHOTOS, "points": TextFile(source.points)}
-        # Optional in the project, and then a parameter of the function with a default.
-        if source.distances:
-            reads["distances"] = TextFile(source.distances)
         stated: dict[str, Any] = {"own": source.crs, "crs": view.project.crs, "absent": source.absent, "source": source}
         if source.measurements:
             reads["measurements"] = TextFile(source.measurements)
         else:
             stated["measurements"] = None
+        # Optional in the project, and then a parameter of the function with a default.
+        if source.distances:
+            reads["distances"] = TextFile(source.distances)
         return _control_job(control_from_files, reads, stated)
 
 

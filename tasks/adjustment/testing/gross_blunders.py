@@ -23,6 +23,8 @@ STEPS = 6
 """Steps of the intersection of the rays of a point."""
 LEAST_CHECKS = 4
 """Redundancy of all intersections from which their residuals tell the standard error of a pointing."""
+NOT_BY_CHANCE = 3
+"""Rays that meet in one point although one of them belongs to another: two often do, three hardly ever."""
 CONTRADICTED = 2.0
 """The usual misfit of a group that is larger, in stated standard errors, contradicts these: the median of four or more is not twice
 as large by chance."""
@@ -60,6 +62,13 @@ def control_misfits(network: Network, state: State, rays: Rays, limit: float) ->
     misfit = np.full(len(network.point), np.nan)
     misfit[number] = size
     return misfit
+
+
+def well_pointed(network: Network, state: State, rays: Rays, limit: float) -> np.ndarray:
+    """(N,) bool: surveyed points whose rays, three or more, meet within `limit` standard errors: whatever is wrong about these
+    points, it is not their measurements."""
+    count = np.bincount(rays.point, minlength=len(network.point))
+    return _intersections(network, state, rays, limit).good & (count >= NOT_BY_CHANCE)
 
 
 def pointing_spread(network: Network, state: State, rays: Rays) -> float:

@@ -30,7 +30,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
     own = result.as_computed
-    shares = (_image_share(result, pointings), _position_share(own), _control_share(own), _distance_share(own))
+    shares = (_image_share(result, pointings), _position_share(result), _control_share(own), _distance_share(own))
     rest = [enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
     # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
     new = Factors(max(image, 1e-6), *rest)
@@ -83,16 +83,32 @@ def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
 
 
 def _position_share(result: Adjustment) -> tuple[float, float]:
-    """Weighted square sum and redundancy of the GNSS positions; heights that bend over the block count without that bend: it is no
-    error of the receiver, and larger standard errors would only hide it."""
+    """Weighted square sum and redundancy of the GNSS positions; heights that bend over the block count without that bend, and all
+    residuals only as far as nominal cameras do not explain them: neither is an error of the receiver, and larger standard errors
+    would only hide it."""
     weight = result.network.centre_weight
     photos = np.flatnonzero(weight.any(axis=1))
     residual = position_residuals(result.network, result.state)[photos]
     residual[:, 2] = without_bend(result.state.centre[photos, :2], residual[:, 2])
-    square = (weight[photos] * residual**2).sum()
+    root = np.sqrt(weight[photos])
+    moved = root[:, :, None] * _moved_by_considered(result.white, photos)
+    square = _square_beyond((root * residual).ravel(), moved.reshape(residual.size, moved.shape[2]))
     # Of the sum centre + lever arm + shift, for that is what was observed; its parts are correlated.
-    variance = np.diagonal(position_covariances(result, photos), axis1=1, axis2=2)
-    return float(square), _known(weight) - float((weight[photos] * variance).sum())
+    variance = np.diagonal(position_covariances(result.as_computed, photos), axis1=1, axis2=2)
+    return square, _known(weight) - float((weight[photos] * variance).sum())
+
+
+def _moved_by_considered(result: Adjustment, photos: np.ndarray) -> np.ndarray:
+    """(p, 3, k) m: what one standard error of each considered parameter moves the adjusted positions of `photos` (p,) by."""
+    J, columns = position_derivatives(result.network, result.state, photos)
+    return J @ result.cofactor.moves[columns]
+
+
+def _square_beyond(residual: np.ndarray, moved: np.ndarray) -> float:
+    """The square of residuals (n,), in standard errors, by the covariance I + D D' that they have where k quantities of standard
+    error 1 move them by D = `moved` (n, k)."""
+    along = moved.T @ residual
+    return float(residual @ residual - along @ np.linalg.solve(np.eye(len(along)) + moved.T @ moved, along))
 
 
 def _control_share(result: Adjustment) -> tuple[float, float]:

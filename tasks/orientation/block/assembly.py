@@ -18,7 +18,7 @@ from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.control.ground_points import approximate_points
+from orthomill.tasks.orientation.control.ground_points import ApproximatePoints, approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import BlockStart
@@ -104,11 +104,12 @@ def known_of(
     points = taking_part(control)
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
     camera_of = material.camera_of[start.photos]
-    placed, missed = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    found = approximate_points(model, material.cameras, camera_of, rays, len(points))
+    placed, marks = found.point, _mark_sigma(rays, found)
     # Tie points measured by a person have no coordinates against which a wrong ray could be found.
     surveyed = np.array([point.role == "control" for point in points], bool)
     twice = surveyed & np.isfinite(placed).all(axis=1)
-    placed[surveyed & ((missed > _meeting(rays, missed)) | ~_at_depth(material, start, model, rays, placed))] = np.nan
+    placed[surveyed & ((found.missed > _meeting(marks)) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
         *_positions(photos, names),
         *_coordinates(points),
@@ -118,21 +119,33 @@ def known_of(
         _lengths(points, control),
         int(twice.sum()),
         int((twice & ~np.isfinite(placed).all(axis=1)).sum()),
+        found.blur * np.maximum(_stated_sigma(rays, material.cameras, camera_of), marks),
     )
 
 
-def _meeting(rays: Rays, missed: np.ndarray) -> float:
-    """rad by which the rays of a point may miss each other, by how the rays of most points do; `missed` (n,) as in
-    `approximate_points`."""
-    count = np.bincount(rays.point, minlength=len(missed))
+def _mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
+    """rad: the standard error of the marks in photographs, by how the rays of most points miss each other; 0 for too few points,
+    and for what are no marks of these points."""
+    count = np.bincount(rays.point, minlength=len(found.missed))
     left = 2 * count - 3
-    known = (count >= 2) & np.isfinite(missed)
+    known = (count >= 2) & np.isfinite(found.missed)
     if known.sum() < FEWEST_MARKED:
-        return MEETING
+        return 0.0
     # The median of chi-squared by Wilson and Hilferty: two rays have one number to spare, whose square is mostly small.
     usual = left[known] * (1.0 - 2.0 / (9.0 * left[known])) ** 3
-    sigma = float(np.sqrt(np.median(missed[known] ** 2 * count[known] / usual)))
-    return MEETING if sigma > WORST_MARKS else max(MEETING, BY_CHANCE * sigma)
+    sigma = float(np.sqrt(np.median(found.missed[known] ** 2 * count[known] / usual)))
+    return 0.0 if sigma > WORST_MARKS else sigma
+
+
+def _meeting(marks: float) -> float:
+    """rad by which the rays of a point may miss each other where marks are good to `marks` rad."""
+    return max(MEETING, BY_CHANCE * marks)
+
+
+def _stated_sigma(rays: Rays, cameras: list[Camera], camera_of: np.ndarray) -> float:
+    """rad: the standard error of a mark as it was stated."""
+    constant = np.array([camera.c for camera in cameras])[camera_of[rays.photo]]
+    return float(np.median(rays.sigma / constant)) if len(rays) else 0.0
 
 
 def _model_of(start: BlockStart) -> State:

@@ -17,6 +17,17 @@ from orthomill.tasks.orientation.measurements import ideal, with_interior
 
 
 @dataclass(frozen=True, eq=False)
+class ApproximatePoints:
+    """Points (n, 3) in the system of a model, NaN for those with fewer than two rays; the angles `missed` (n,) rad by which their
+    rays miss them; and the standard errors `blur` (n,) of a coordinate in units of the model, for marks that are good to 1 camera
+    constant (NaN without a point)."""
+
+    point: np.ndarray
+    missed: np.ndarray
+    blur: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class IntersectedGroundPoints:
     """`point` (n, 3) m, local (NaN: fewer than two rays), `covariance` (n, 3, 3) m^2 including that of the orientation, `residual`
     (m, 2) px."""
@@ -26,12 +37,9 @@ class IntersectedGroundPoints:
     residual: np.ndarray
 
 
-def approximate_points(
-    state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The points (count, 3) nearest to their rays, NaN for points with fewer than two; and the angles (count,) rad by which the
-    rays miss them."""
-    points, missed = np.full((count, 3), np.nan), np.zeros(count)
+def approximate_points(state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int) -> ApproximatePoints:
+    """The `count` points nearest to their rays."""
+    points, missed, blur = np.full((count, 3), np.nan), np.zeros(count), np.full(count, np.nan)
     interior, _ = photo_interiors(state, camera_of)
     for number in range(count):
         own = np.flatnonzero(rays.point == number)
@@ -41,12 +49,24 @@ def approximate_points(
                 [ideal(with_interior(cameras[camera_of[p]], interior[p]), rays.xy[[i]]) for i, p in zip(own, photo, strict=True)]
             )
             directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
-            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+            length = np.linalg.norm(directions, axis=1)
+            directions /= length[:, None]
             found, offset = intersect_rays(state.centre[photo][:, None], directions[:, None])
             points[number] = found[0]
+            away = np.linalg.norm(found[0] - state.centre[photo], axis=1)
             # As an angle, because a distance in space says little for a model of any scale.
-            missed[number] = offset[0] / np.linalg.norm(found[0] - state.centre[photo], axis=1).mean()
-    return points, missed
+            missed[number] = offset[0] / away.mean()
+            blur[number] = _blur(directions, away / length)
+    return ApproximatePoints(points, missed, blur)
+
+
+def _blur(directions: np.ndarray, depth: np.ndarray) -> float:
+    """The standard error of a coordinate of the point on rays of these unit directions (m, 3), at these depths (m,) before their
+    photographs, whose marks are good to 1 camera constant."""
+    if not np.isfinite(depth).all():
+        return np.nan
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    return float(np.sqrt(np.trace(np.linalg.inv((across / depth[:, None, None] ** 2).sum(axis=0))) / 3.0))
 
 
 def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> IntersectedGroundPoints:

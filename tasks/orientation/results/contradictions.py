@@ -223,6 +223,6 @@ def _check_misfits(results: BlockResults, checks: list[ControlPoint], rays: Rays
     """(n,) rad by which the rays of the check points miss each other, and (m,) px from the given coordinates to the
     measurements."""
     problem, state = results.problem, results.result.state
-    _, missed = approximate_points(state, problem.cameras, problem.camera_of, rays, len(checks))
+    missed = approximate_points(state, problem.cameras, problem.camera_of, rays, len(checks)).missed
     given = np.array([point.xyz for point in checks], float).reshape(-1, 3) - results.datum.origin
     return missed, np.linalg.norm(residuals(replace(state, point=given), rays, problem.camera_of), axis=1)

@@ -63,7 +63,7 @@ def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]
     problem, result = results.problem, results.result
     points = [point for point in control.points if point.role == "check"]
     rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
-    start, _ = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points))
+    start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points)).point
     # Intersected with the final orientation: a check point must not influence what it checks.
     found, rows = intersect_ground(result, start, rays), []
     for i, point in enumerate(points):

@@ -61,7 +61,8 @@ class Known:
     where the model has them (NaN: cannot be intersected); `up` (P, 3) the up directions in the image systems by attitudes (NaN:
     unknown), `top` (P, 3) the directions to the tops of the photographs there; `distances`: numbers of two surveyed points, length,
     standard error, m; how many control points are `measured` in two photographs or more, and of these the rays do not meet
-    (`unmet`).
+    (`unmet`); `blur` (n,): the standard error of a coordinate of `control_model` by the marks in the photographs, in units of the
+    model (0: none).
     """
 
     position: np.ndarray
@@ -74,6 +75,7 @@ class Known:
     distances: tuple[tuple[int, int, float, float], ...] = ()
     measured: int = 0
     unmet: int = 0
+    blur: np.ndarray | float = 0.0
 
     @property
     def positioned(self) -> np.ndarray:
@@ -214,12 +216,23 @@ def _common_points(model: State, known: Known, shift: bool) -> _CommonPoints:
     has, placed = known.positioned, known.placed
     position = _without_shift(model, known) if shift and placed.sum() >= 3 else known.position
     sigma = np.vstack([known.position_sigma[has], known.control_sigma[placed]])
-    return _CommonPoints(
-        np.vstack([model.centre[has], known.control_model[placed]]),
-        np.vstack([position[has], known.control[placed]]),
-        np.sqrt((sigma**2).mean(axis=1)),
-        np.arange(has.sum() + placed.sum()) >= has.sum(),
-    )
+    source = np.vstack([model.centre[has], known.control_model[placed]])
+    target = np.vstack([position[has], known.control[placed]])
+    surveyed = np.arange(len(source)) >= has.sum()
+    # What a surveyed point misses its place in the model by is its own error and that of its marks.
+    blur = np.zeros(len(source))
+    blur[surveyed] = np.broadcast_to(known.blur, placed.shape)[placed] * _rough_scale(source, target, surveyed)
+    return _CommonPoints(source, target, np.sqrt((sigma**2).mean(axis=1) + blur**2), surveyed)
+
+
+def _rough_scale(model: np.ndarray, ground: np.ndarray, surveyed: np.ndarray) -> float:
+    """m per unit of the model, by how far points (n, 3) lie apart; by control where there are two points of it; 0 without any."""
+    own = surveyed if surveyed.sum() >= 2 else np.ones(len(model), bool)
+    if not own.any():
+        return 0.0
+    apart = [np.linalg.norm(each[own] - np.median(each[own], axis=0), axis=1) for each in (ground, model)]
+    # Medians: a few wrong points do not make a block larger.
+    return float(np.median(apart[0]) / max(np.median(apart[1]), 1e-300))
 
 
 def _fit(points: _CommonPoints, constraint: VerticalityConstraint) -> _DatumFit:

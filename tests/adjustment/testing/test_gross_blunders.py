@@ -8,7 +8,7 @@ from small_network import more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.model.network import Distances
 from orthomill.tasks.adjustment.model.surveyed_observations import SurveyedKind
-from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, surveyed_factors
+from orthomill.tasks.adjustment.testing.gross_blunders import gross_blunder, lengths_of_rays, surveyed_factors, well_pointed
 
 ENDS = np.array([[4, 30], [5, 31], [6, 32], [7, 33]])
 
@@ -50,6 +50,18 @@ def test_coordinates_are_compared_with_the_rays_even_if_the_solution_follows_the
     dragged[3] = point[3]
     found = gross_blunder(replace(network, point=point), replace(state, point=dragged), rays, 6.0)
     assert found is not None and (found.kind, found.number) == (SurveyedKind.CONTROL, 3)
+
+
+def test_points_whose_rays_meet_are_well_pointed_whatever_their_coordinates(block):
+    network, state, rays = block
+    point, xy = network.point.copy(), rays.xy.copy()
+    point[3] += [0.0, 2.0, 0.0]
+    xy[np.flatnonzero(rays.point == 5)[0]] += 40.0
+    two = np.arange(len(rays)) >= 0
+    two[np.flatnonzero(rays.point == 7)[2:]] = False
+    found = well_pointed(replace(network, point=point), state, replace(rays, xy=xy).take(two), 6.0)
+    assert np.flatnonzero(~found[:10]).tolist() == [5, 7], "one ray is wrong, or two may meet by chance"
+    assert not found[10:].any(), "tie points are nobody's pointings"
 
 
 def test_a_wrong_pointing_does_not_blame_the_coordinates(block):

@@ -265,6 +265,44 @@ def test_pointings_worse_than_stated_are_told(with_precision, factor, count):
     assert len(found) == count and all("enlarged 2.5 times" in text for text in found)
 
 
+@pytest.mark.parametrize(
+    ("factor", "said", "unsaid"),
+    [
+        (20.0, ["is worse than stated", "enlarged 20.0 times", "good to 0.4 m, not the 0.02 m stated", "Survey"], "not where"),
+        (99.9, ["is worse than stated", "good to 2 m"], "not where"),
+        (100.0, ["not where the block sees it", "by about 2 m, where 0.02 m are stated", "reference system"], "enlarged"),
+    ],
+)
+def test_bad_control_is_told_with_what_it_is_good_to_and_from_factor_100_on_as_elsewhere(with_precision, factor, said, unsaid):
+    (found,) = block_warnings(with_precision(control_factor=factor))
+    assert all(word.lower() in found.lower() for word in said) and unsaid not in found
+
+
+@pytest.mark.parametrize(
+    ("factor", "said", "unsaid"),
+    [
+        (40.0, ["good to 20 px, not the 0.5 px stated", "enlarged 40.0 times", "more precisely"], "not where"),
+        (100.0, ["not where the block sees them in the photographs", "by about 50 px", "other photographs"], "enlarged"),
+    ],
+)
+def test_bad_marks_are_told_with_what_they_are_good_to_and_from_factor_100_on_as_of_other_points(
+    with_precision, factor, said, unsaid
+):
+    group = ObservationGroup(name=ObservationKind.POINTINGS, count=10, redundancy=5.0, factor=factor)
+    (found,) = block_warnings(with_precision(groups=(group,)))
+    assert all(word in found for word in said) and unsaid not in found
+
+
+@pytest.mark.parametrize(
+    ("redundancy", "told_of"), [(None, True), ((0.3, 0.9, 0.9), True), ((0.29, 0.9, 0.9), False), ((0.9, 0.0, 0.0), True)]
+)
+def test_only_a_coordinate_that_others_check_may_be_wrong(facts, redundancy, told_of):
+    first, *rest = facts.ground.points
+    far = first.model_copy(update={"difference": (0.9, 0.0, 0.0), "redundancy": redundancy})
+    found = told(replace(facts, ground=facts.ground.model_copy(update={"points": (far, *rest)})))
+    assert ("C0 differs from the block" in found and "may be wrong" in found) is told_of
+
+
 @pytest.mark.parametrize(("findings", "coordinate"), [((), True), ((NoDatum(scaled=False),), False)])
 def test_coordinates_that_take_no_part_are_not_suspected(with_precision, findings, coordinate):
     group = ObservationGroup(name=ObservationKind.POINTINGS, count=10, redundancy=5.0, factor=2.5)

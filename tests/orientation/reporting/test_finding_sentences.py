@@ -10,6 +10,7 @@ from orthomill.schemas.orientation import BlockPrecision
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 KINDS = get_args(get_args(f.BlockFinding)[0])
+NOWHERE = (f.Misfit(photo="a", misfit_px=None), f.Misfit(photo="b", misfit_px=None, lies_on="P9"))
 OFF = (f.Misfit(photo="a", misfit_px=14.6), f.Misfit(photo="b", misfit_px=7.2, lies_on="P9"))
 
 SPOKEN = [
@@ -164,6 +165,10 @@ SPOKEN = [
         ["contradicts the other distances", "-0.250 m", "lies between them"],
     ),
     (f.DistanceUnchecked(), ["One distance alone gives the scale", "measure two more"]),
+    (
+        f.MeasurementsRejected(role="control", point="P1", measured=5, rejected=NOWHERE),
+        ["2 of 5 measurements", "a (not where the block sees it), b (not where the block sees it, where P9 lies)"],
+    ),
     (
         f.MeasurementsRejected(role="control", point="P1", measured=5, rejected=OFF),
         [

@@ -13,7 +13,7 @@ from orthomill.schemas.findings.block_findings import (
     PositionsElsewhere,
 )
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual
-from orthomill.tasks.orientation.results.contradictions import SINGLE, _distance, _points_left_out, _ratio
+from orthomill.tasks.orientation.results.contradictions import SINGLE, _distance, _points_left_out, _ratio, _within_frame
 
 
 def looking(axis, photos=6):
@@ -25,6 +25,15 @@ def looking(axis, photos=6):
 
 def left_out(name, difference, role="position", sigma=0.1):
     return GroundResidual(name=name, role=role, difference=difference, predicted=(sigma,) * 3, photos=1)
+
+
+@pytest.mark.parametrize(("size", "told"), [(41.5, 41.5), (499.0, 499.0), (501.0, None), (1e6, None)])
+def test_a_measurement_that_is_off_by_more_than_the_frame_has_no_misfit_in_pixels(size, told):
+    """A frame of 300 x 400 px has a diagonal of 500; a point behind the camera has a misfit of any size."""
+    rays = SimpleNamespace(photo=np.array([0, 1]))
+    cameras = [SimpleNamespace(width=9000, height=9000), SimpleNamespace(width=300, height=400)]
+    problem = SimpleNamespace(rays=rays, cameras=cameras, camera_of=np.array([0, 1]))
+    assert _within_frame(problem, 1, size) == told
 
 
 def positions(count, difference):

@@ -183,6 +183,25 @@ def test_positions_that_do_not_fit_the_shape_are_reported():
     assert "datum_misfit" in codes(datum) and next(f.ratio for f in datum.findings if f.code == "datum_misfit") > 10
 
 
+@pytest.mark.parametrize(("blur", "misfit"), [(0.0, True), (8.0 * SCALE, False)])
+def test_control_misses_the_model_by_the_errors_of_its_marks_too(blur, misfit):
+    """Coordinates to 2 cm, marks that place them in the model to 8 m: no contradiction between control and block."""
+    model, known = block(control=GROUND)
+    marks = in_model(GROUND + np.random.default_rng(2).normal(0.0, 8.0, GROUND.shape))
+    datum = choose(model, replace(known, position=NOTHING, control_model=marks, blur=np.full(5, blur)))
+    assert ("datum_misfit" in codes(datum)) is misfit
+
+
+def test_points_with_poor_marks_weigh_less_in_the_datum():
+    model, known = block(control=GROUND)
+    marks, blur = in_model(GROUND), np.zeros(5)
+    marks[1] += in_model(np.array([[3.0, -4.0, 5.0]]))[0]
+    known = replace(known, position=NOTHING, control_model=marks)
+    blur[1] = 8.0 * SCALE
+    apart = [np.abs(placed(choose(model, one), GROUND) - GROUND).max() for one in (known, replace(known, blur=blur))]
+    assert apart[1] < 0.02 < apart[0]
+
+
 @pytest.fixture(scope="module")
 def network():
     return small_network(photos=4, points=10, free=True)[0]
