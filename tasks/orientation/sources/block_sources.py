@@ -92,8 +92,8 @@ def _rigid(problem: Problem, state: State) -> RigidBlock:
     surveyed = np.flatnonzero(~ties & problem.good)
     own = problem.rays.take(surveyed)
     own = replace(own, point=(own.point - problem.ties).astype(np.int32))
-    place, missed = approximate_points(state, problem.cameras, problem.camera_of, own, len(problem.surveyed))
-    place[missed > MEETING] = np.nan
+    found = approximate_points(state, problem.cameras, problem.camera_of, own, len(problem.surveyed))
+    place = np.where((found.missed > MEETING)[:, None], np.nan, found.point)
     return RigidBlock(state.centre, state.rotation, depth, problem.camera_of, place, float(np.median(depth / constant)))
 
 
@@ -132,7 +132,7 @@ def _looking_down(state: State) -> np.ndarray | None:
         return None
     # The smallest rotation that takes the mean axis to the vertical.
     turn = np.cross(mean, [0.0, 0.0, 1.0])
-    length = np.linalg.norm(turn)
+    length = float(np.linalg.norm(turn))
     vector = turn / max(length, 1e-12) * np.arcsin(min(length, 1.0))
     return np.asarray(state.rotation @ rotation_of_vector(vector).T)
 

@@ -72,10 +72,12 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
     motion = np.zeros(7) if near is None else near.motion
     at = block.moved(motion)
     has = equations(at, told)
-    scale, total = dict.fromkeys(Source, np.inf), None
+    scale = dict.fromkeys(Source, np.inf)
+    # Nothing is known of the causes before the first step.
+    total = np.zeros(_with_causes(at, has, causes).shape[1])
     for _ in range(STEPS):
         A = _with_causes(at, has, causes)
-        v = has.y if total is None else has.y - A @ _rest(total)
+        v = has.y - A @ _rest(total)
         before, scale = scale, _scales(has, v, scale, at.pixel)
         weight = _weights(has, v, scale)
         total, covariance = _solved(has, A, weight, at_motion=motion)
