@@ -29,6 +29,8 @@ DETERMINED = 3.0
 """Standard errors of an offset that it exceeds: two strips show no offset between them without attitudes."""
 PIXELS = 3.0
 """Offsets up to so many pixels on the ground do not matter."""
+UNTOLD_PIXELS = 20.0
+"""The same of offsets that no tag gives a reason for: a block that is bent by some pixels looks like one that is broken in two."""
 NEEDED = 16.0
 """What a cause has to explain beside the others, in squares of standard errors."""
 SEVERAL = 4
@@ -225,4 +227,5 @@ def _matters(block: RigidBlock, groups: Groups, trial: _Trial) -> bool:
     part = Source.HEIGHT if len(cause.axes) == 1 else Source.PLAN
     has = trial.result.has
     scatter = trial.result.scale[part] * float(np.median(has.sigma[has.source == part]))
-    return bool(size > max(PIXELS * block.pixel, (1.0 if of_flights else CLEAR) * scatter))
+    least, clear = (PIXELS, 1.0) if of_flights else (UNTOLD_PIXELS, CLEAR)
+    return bool(size > max(least * block.pixel, clear * scatter))

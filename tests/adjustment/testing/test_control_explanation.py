@@ -7,6 +7,7 @@ import pytest
 from small_network import more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.bundle import adjust
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 
 
 def adjusted(points, seed, factor=1.0, blunder=0.0, gnss=3.0):
@@ -14,11 +15,11 @@ def adjusted(points, seed, factor=1.0, blunder=0.0, gnss=3.0):
     rng = np.random.default_rng(seed)
     network, state, rays = small_network(seed, photos=6, points=60, noise=1.0)
     weight = np.full_like(network.centre_weight, 1 / gnss**2)
-    network = replace(more_control(network, points), shift=False, centre_weight=weight)
+    network = replace(more_control(network, points), shift=NOT_SHIFTED, centre_weight=weight)
     network = surveyed_noise(network, rng, control=factor)
     point, wrong, away = network.point.copy(), int(rng.integers(points)), rng.standard_normal(3)
     point[wrong] += blunder * away / np.linalg.norm(away)
-    return wrong, adjust(replace(network, point=point), state, rays)
+    return wrong, adjust(replace(network, point=point), state.with_antenna(network), rays)
 
 
 @pytest.mark.parametrize(("points", "seed"), [(5, 0), (5, 1), (5, 2), (8, 0), (8, 1)])

@@ -7,7 +7,7 @@ import pytest
 from small_network import more_control, small_network, surveyed_noise
 
 from orthomill.tasks.adjustment.bundle import adjust
-from orthomill.tasks.adjustment.model.network import Distances
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Distances, common_shift
 from orthomill.tasks.adjustment.solve.minimise import minimise
 from orthomill.tasks.adjustment.testing.adjustment_result import AS_STATED, Group, ObservationKind
 from orthomill.tasks.adjustment.testing.solution_precision import precise_solution
@@ -27,7 +27,7 @@ def random_block(seed):
         network,
         centre_weight=np.full_like(network.centre_weight, 1 / size[0] ** 2),
         point_weight=network.point_weight * 0.02**2 / size[1] ** 2,
-        shift=bool(rng.random() < 0.3 and network.point_weight.any(axis=1).sum() > 2),
+        shift=common_shift(network.photos) if rng.random() < 0.3 and network.point_weight.any(axis=1).sum() > 2 else NOT_SHIFTED,
     )
     if rng.random() < 0.5:
         length = np.linalg.norm(state.point[ENDS[:, 0]] - state.point[ENDS[:, 1]], axis=1)
@@ -38,7 +38,8 @@ def random_block(seed):
         weight = network.interior.weight.copy()
         weight[0, [0, 1], [0, 1]] = 1 / np.array([50.0, 15.0]) ** 2
         network = replace(network, interior=replace(network.interior, considered=considered, weight=weight))
-    return surveyed_noise(network, rng), state, rays
+    network = surveyed_noise(network, rng)
+    return network, state.with_antenna(network), rays
 
 
 def solved(network, state, rays):
@@ -63,7 +64,8 @@ def considered_camera(sigma=0.02):
     interior = replace(network.interior, considered=network.interior.free.copy(), weight=weight)
     nothing = np.zeros_like(network.point_weight)
     centre_weight = np.full_like(network.centre_weight, 1 / sigma**2)
-    return replace(network, interior=interior, point_weight=nothing, centre_weight=centre_weight, shift=False), state, rays
+    network = replace(network, interior=interior, point_weight=nothing, centre_weight=centre_weight, shift=NOT_SHIFTED)
+    return network, state.with_antenna(network), rays
 
 
 def test_a_nominal_camera_does_not_take_redundancy_from_precise_positions():
