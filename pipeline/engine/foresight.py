@@ -46,8 +46,9 @@ class Foresight:
 
     def _left_out(self) -> tuple[str, ...]:
         source, root = self._session.project.photographs, self._session.root
-        # With a pattern, what is left out is the user's own choice.
-        if source.kind != "folder" or source.pattern != "*":
+        # With a pattern, what is left out is the user's own choice. A folder that is gone, with all photographs read, is none of
+        # this run's business.
+        if source.kind != "folder" or source.pattern != "*" or not (root / source.path).is_dir():
             return ()
         return tuple(left_out_lines(with_those_below(root, source, list_folder(root, source))))
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.block_findings import BlockFinding, OffsetAdjusted
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice
@@ -17,6 +17,7 @@ from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
 from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
 from orthomill.tasks.orientation.sources.block_sources import block_sources, with_offsets
+from orthomill.tasks.orientation.sources.causes import DETERMINED
 from orthomill.tasks.orientation.sources.source_findings import offset_findings, offsets_of
 from orthomill.tasks.orientation.start.georeference import Datum
 
@@ -58,12 +59,21 @@ def explained(
             network, state = with_offsets(sources, start.network, state, *given)
             again = replace(start, network=network, state=state).adjusted(problem)
             offsets = offsets_of(again.result, problem.names)
-            return again, tuple(offset_findings(offsets, sources, problem.names, _heights(photos, problem)))
+            found = tuple(offset_findings(offsets, sources, problem.names, _heights(photos, problem)))
+            # What looked like an offset may be gone with a camera constant that the adjustment has replaced.
+            if tested is None or any(map(_stands_out, found)):
+                return again, found
         except GeometryError as error:
             failure = failure or error
     if tested is None:
         raise failure or GeometryError(UNDETERMINED)
     return tested, ()
+
+
+def _stands_out(found: OffsetAdjusted) -> bool:
+    """Whether an offset exceeds its standard errors in any coordinate."""
+    pairs = zip(found.offset, found.sigma, strict=True)
+    return any(abs(value) > DETERMINED * sigma for value, sigma in pairs if value is not None and sigma is not None)
 
 
 def _heights(photos: Photos, problem: Problem) -> str | None:

@@ -31,6 +31,8 @@ PIXELS = 3.0
 """Offsets up to so many pixels on the ground do not matter."""
 UNTOLD_PIXELS = 20.0
 """The same of offsets that no tag gives a reason for: a block that is bent by some pixels looks like one that is broken in two."""
+FARTHEST = 1000.0
+"""m: positions that are farther off are of another place, and not those of this block with an error."""
 NEEDED = 16.0
 """What a cause has to explain beside the others, in squares of standard errors."""
 SEVERAL = 4
@@ -218,7 +220,7 @@ def _matters(block: RigidBlock, groups: Groups, trial: _Trial) -> bool:
     cause = trial.causes[-1]
     own = slice(-len(cause.axes), None)
     size = float(np.abs(trial.result.parameters[own]).max())
-    if size < DETERMINED * np.sqrt(np.diag(trial.result.covariance)[own].max()):
+    if size > FARTHEST or size < DETERMINED * np.sqrt(np.diag(trial.result.covariance)[own].max()):
         return False
     if cause.photos.all():
         return bool(size > PIXELS * block.pixel)

@@ -153,7 +153,7 @@ def test_status_after_a_run_and_while_another_is_in_progress(done):
 def test_status_shows_the_last_error(fresh):
     damage(photographs(fresh)[0])
     command("run", "site", "--sequential", code=1)
-    assert "cannot be decoded" in command("status", "site")
+    assert "damaged" in command("status", "site")
 
 
 def test_the_dashboard_is_named_while_a_run_on_dask_is_in_progress(done):
