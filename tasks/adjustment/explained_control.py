@@ -18,6 +18,8 @@ from orthomill.tasks.adjustment.testing.gross_blunders import control_misfits
 
 FEWEST = 3
 """Control points that show anything about each other; of fewer, each is compared with the positions alone."""
+ROUGH = 1e-3
+"""Gain in units of the cost at which the reweighted solution stops."""
 OTHERS = (SurveyedKind.POSITION, SurveyedKind.DISTANCE)
 """Kinds of observations that are no control"""
 
@@ -32,7 +34,8 @@ def with_explained_control(now: Progress, rays: Rays, huber: float) -> Progress:
     misfit = control_misfits(now.network, now.state, rays, np.inf)
     # So loose that no point exceeds its standard errors, and none has Huber's weights: the solution is linear in the coordinates.
     loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
-    state, steps = minimise(loose.weighted_network, now.state, rays, huber)
+    # Reweighting needs no sharp end: its weights stay, and least squares with them follow.
+    state, steps = minimise(loose.weighted_network, now.state, rays, huber, ROUGH)
     weighted, tempered = as_weighted(loose.weighted_network, state, rays, huber)
     # Least squares to the last digit: what is left to gain would look like contradictions of the control.
     state, more = minimise(weighted, state, tempered, damping=NEAR)
