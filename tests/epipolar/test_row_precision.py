@@ -39,4 +39,5 @@ def test_expected_row_error_is_what_happens(make):
         block = make(seed, tracks=600)
         found.append(standardised_rows(block, orient(block)["block"]))
     spread = np.sqrt((np.concatenate(found) ** 2).mean())
-    assert 0.6 < spread < 1.5
+    # The lenses of these blocks have the principal point and the k3 that nominal cameras keep; standard errors count with others.
+    assert 0.5 < spread < 1.5
