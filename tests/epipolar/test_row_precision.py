@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from orienting import orient
-from simulated_block import one_strip, two_strips
+from simulated_block import DRONE, one_strip, two_strips
 
 from orthomill.tasks.epipolar.row_precision import border_points, row_sigmas
 from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
@@ -32,12 +32,19 @@ def _turn(view, photo):
     return view.rotation.T @ view_of(photo, view.camera).rotation
 
 
-@pytest.mark.parametrize("make", [one_strip, two_strips], ids=["positions on a line, camera from EXIF", "control, calibrated"])
+def strip_of_any_camera(seed, **options):
+    """A strip whose constant and principal point are drawn from what EXIF leaves open, as standard errors take them to be."""
+    c, x0, y0 = np.random.default_rng(seed + 70).normal((1165.0, 0.0, 0.0), (0.03 * 1165.0, 20.0, 20.0))
+    return one_strip(seed, camera=DRONE.changed(c=c, x0=x0, y0=y0), **options)
+
+
+@pytest.mark.parametrize(
+    "make", [strip_of_any_camera, two_strips], ids=["positions on a line, camera from EXIF", "control, calibrated"]
+)
 def test_expected_row_error_is_what_happens(make):
     found = []
     for seed in range(5):
         block = make(seed, tracks=600)
         found.append(standardised_rows(block, orient(block)["block"]))
     spread = np.sqrt((np.concatenate(found) ** 2).mean())
-    # The lenses of these blocks have the principal point and the k3 that nominal cameras keep; standard errors count with others.
-    assert 0.5 < spread < 1.5
+    assert 0.6 < spread < 1.5

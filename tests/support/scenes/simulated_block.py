@@ -134,13 +134,13 @@ def two_strips(seed=0, sigma_interior=SIGMA_INTERIOR, **options):
 DRONE = Camera(name="cam", width=2000, height=1125, c=1150.0, k1=-0.01, source="exif")
 
 
-def one_strip(seed=0, photos=8, **options):
-    """A drone flies one line with rough positions; the camera is known from EXIF only."""
+def one_strip(seed=0, photos=8, camera=DRONE, **options):
+    """A drone flies one line with rough positions; its `camera` is known from EXIF only."""
     rng = np.random.default_rng(2000 + seed)
     views = [
         view(
             f"d{i}",
-            DRONE,
+            camera,
             (407000 + 20 * i + rng.normal(0, 0.5), 4357000 + rng.normal(0, 0.5), 180 + rng.normal(0, 0.5)),
             (rng.normal(0, 1), rng.normal(0, 1), 90 + rng.normal(0, 3)),
         )
