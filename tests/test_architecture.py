@@ -2,8 +2,11 @@
 
 import ast
 from collections import Counter
+from collections.abc import Iterable, Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -27,73 +30,100 @@ STAGES = (
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
 
 
-def modules(*folders: str) -> list[Path]:
-    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+@cache
+def modules(*folders: str) -> tuple[Path, ...]:
+    found = {folder: list((ROOT / folder).rglob("*.py")) for folder in folders}
+    assert all(found.values()), f"of {folders}, one has no files: a test that reads them would hold nothing"
+    return tuple(sorted(path for paths in found.values() for path in paths))
 
 
-def imports(path: Path) -> set[str]:
-    """All modules that a file imports, also inside functions, as folders of the checkout name them: `tasks.geometry.view`."""
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            found.add(node.module or "")
-        elif isinstance(node, ast.Import):
-            found.update(alias.name for alias in node.names)
-    return {name.removeprefix("orthomill.") for name in found}
+class Read(NamedTuple):
+    """What the floors are read off; trees of all files at once would keep the garbage collector busy for longer than all tests."""
+
+    imports: frozenset[str]  # also inside functions, as folders of the checkout name them: `tasks.geometry.view`
+    classes: tuple[str, ...]
+    lines: int
+    opens_with_words: bool
+
+
+def statements(body: Iterable[ast.AST]) -> Iterator[ast.AST]:
+    """All statements without their expressions, which are most of a tree and neither import nor define."""
+    for node in body:
+        yield node
+        for inner in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from statements(getattr(node, inner, ()))
+
+
+@cache
+def read(path: Path) -> Read:
+    source = path.read_text()
+    tree = ast.parse(source)
+    nodes = list(statements(tree.body))
+    names = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    names.update(alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names)
+    return Read(
+        frozenset(name.removeprefix("orthomill.") for name in names),
+        tuple(node.name for node in nodes if isinstance(node, ast.ClassDef)),
+        len(source.splitlines()),
+        not source.strip() or bool(ast.get_docstring(tree)),
+    )
 
 
 def imports_any(path: Path, *packages: str) -> set[str]:
-    return {name for name in imports(path) if any(name == package or name.startswith(package + ".") for package in packages)}
+    return {name for name in read(path).imports if any(name == package or name.startswith(package + ".") for package in packages)}
 
 
 def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize("path", modules("schemas"), ids=relative)
-def test_schemas_stand_on_nothing(path):
-    assert not imports_any(path, "tasks", "pipeline", "dask", "distributed", "zarr", "rasterio", "cv2")
+def nobody(offenders: Iterable[str]) -> None:
+    if found := "\n".join(offenders):
+        pytest.fail(found, pytrace=False)  # all of them in one message, which an assert would shorten
 
 
-@pytest.mark.parametrize("path", modules("tasks"), ids=relative)
-def test_tasks_know_no_engine_and_no_storage(path):
-    assert not imports_any(path, "pipeline", "dask", "distributed", "zarr", "rasterio", "yaml", "laspy", "pyarrow")
+def offenders(paths: Iterable[Path], *packages: str) -> list[str]:
+    """Every file that imports what it must not, with what it imports."""
+    return [f"{relative(path)}: {', '.join(sorted(found))}" for path in paths if (found := imports_any(path, *packages))]
 
 
-@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in SHARED)), ids=relative)
-def test_shared_numerics_stand_below_the_stages(path):
-    assert not imports_any(
-        path, *(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage_contract"
-    )
+def test_schemas_stand_on_nothing():
+    nobody(offenders(modules("schemas"), "tasks", "pipeline", "dask", "distributed", "zarr", "rasterio", "cv2"))
 
 
-@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in (*STAGES, "simulation"))), ids=relative)
-def test_stages_never_import_each_other(path):
-    own = path.relative_to(ROOT / "tasks").parts[0]
-    others = [f"tasks.{name}" for name in (*STAGES, "simulation", "catalogue") if name != own]
-    assert not imports_any(path, *others)
+def test_tasks_know_no_engine_and_no_storage():
+    nobody(offenders(modules("tasks"), "pipeline", "dask", "distributed", "zarr", "rasterio", "yaml", "laspy", "pyarrow"))
+
+
+def test_shared_numerics_stand_below_the_stages():
+    above = (*(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage_contract")
+    nobody(offenders(modules(*(f"tasks/{name}" for name in SHARED)), *above))
+
+
+def test_stages_never_import_each_other():
+    makers = (*STAGES, "simulation")
+    others = {own: [f"tasks.{name}" for name in (*makers, "catalogue") if name != own] for own in makers}
+    nobody(line for own in makers for line in offenders(modules(f"tasks/{own}"), *others[own]))
 
 
 def test_inspections_import_no_stage_and_only_the_catalogue_imports_them():
     below = [path for path in modules("schemas", "tasks", "pipeline") if relative(path) != "tasks/catalogue.py"]
-    assert not [relative(path) for path in below if path.parent.name != "inspections" and imports_any(path, "tasks.inspections")]
+    nobody(offenders((path for path in below if path.parent.name != "inspections"), "tasks.inspections"))
     above = [f"tasks.{name}" for name in (*STAGES, "simulation", "catalogue")]
-    assert not [relative(path) for path in modules("tasks/inspections") if imports_any(path, *above)]
+    nobody(offenders(modules("tasks/inspections"), *above))
 
 
 HANDS_IN = ("pipeline/cli/commands.py", "pipeline/cli/projects.py", "pipeline/cli/lookups/lookup_commands.py")
 """files of commands, from which the engine gets the catalogue handed in"""
 
 
-@pytest.mark.parametrize("path", modules("pipeline"), ids=relative)
-def test_the_engine_knows_no_photogrammetry(path):
-    allowed = {"tasks.catalogue"} if relative(path) in HANDS_IN else set()
-    assert imports_any(path, "tasks") <= allowed
+def test_the_engine_knows_no_photogrammetry():
+    nobody(offenders((path for path in modules("pipeline") if relative(path) not in HANDS_IN), "tasks"))
+    nobody(relative(ROOT / path) for path in HANDS_IN if imports_any(ROOT / path, "tasks") - {"tasks.catalogue"})
 
 
-@pytest.mark.parametrize("path", modules(*(f"tasks/{name}" for name in (*SHARED, *STAGES) if name != "evaluation")), ids=relative)
-def test_no_stage_but_the_evaluation_knows_the_truth(path):
-    assert not imports_any(path, "schemas.truth")
+def test_no_stage_but_the_evaluation_knows_the_truth():
+    nobody(offenders(modules(*(f"tasks/{name}" for name in (*SHARED, *STAGES) if name != "evaluation")), "schemas.truth"))
 
 
 def test_only_three_files_import_dask():
@@ -105,51 +135,43 @@ def test_only_the_storage_room_imports_zarr():
     assert {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"storage"}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "tasks").glob("*/stage.py")), ids=relative)
-def test_a_stage_file_holds_no_numerics(path):
-    assert not imports_any(path, "numpy", "numba", "scipy", "cv2")
+def test_a_stage_file_holds_no_numerics():
+    nobody(offenders(sorted((ROOT / "tasks").glob("*/stage.py")), "numpy", "numba", "scipy", "cv2"))
 
 
-@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
-def test_names_say_what_is_inside(path):
-    assert path.stem not in FORBIDDEN_NAMES
+def test_names_say_what_is_inside():
+    nobody(relative(path) for path in modules("schemas", "tasks", "pipeline") if path.stem in FORBIDDEN_NAMES)
 
 
-@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
-def test_every_file_opens_with_its_strategy(path):
-    source = path.read_text()
-    assert not source.strip() or ast.get_docstring(ast.parse(source)), f"{relative(path)} has no docstring"
+def test_every_file_opens_with_its_strategy():
+    paths = modules("schemas", "tasks", "pipeline")
+    nobody(f"{relative(path)} has no docstring" for path in paths if not read(path).opens_with_words)
 
 
-@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
-def test_no_file_grows_into_a_shed(path):
-    assert len(path.read_text().splitlines()) <= 480, f"{relative(path)} is crowded; rebuild the room"
+def test_no_file_grows_into_a_shed():
+    paths = modules("schemas", "tasks", "pipeline")
+    nobody(f"{relative(path)} has {read(path).lines} lines; rebuild the room" for path in paths if read(path).lines > 480)
 
 
-@pytest.mark.parametrize("path", modules("schemas", "tasks", "pipeline"), ids=relative)
-def test_nothing_unpickles_files(path):
-    assert not imports_any(path, "pickle", "cloudpickle", "marshal", "shelve")
+def test_nothing_unpickles_files():
+    nobody(offenders(modules("schemas", "tasks", "pipeline"), "pickle", "cloudpickle", "marshal", "shelve"))
 
 
-def rooms(*folders: str) -> list[Path]:
-    return sorted({path.parent for path in modules(*folders)})
-
-
-@pytest.mark.parametrize("folder", rooms("orthomill", "schemas", "tasks", "pipeline", "tests", "benchmarks"), ids=relative)
-def test_no_folder_is_crowded(folder):
-    files = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
-    assert len(files) <= CROWD, f"{relative(folder)} holds {len(files)} files; give it rooms"
+def test_no_folder_is_crowded():
+    named = modules("orthomill", "schemas", "tasks", "pipeline", "tests", "benchmarks")
+    files = Counter(relative(path.parent) for path in named if path.name != "__init__.py")
+    nobody(f"{folder} holds {count} files; give it rooms" for folder, count in files.items() if count > CROWD)
 
 
 def test_nobody_meets_two_files_of_one_name():
     names = Counter(path.name for path in modules("orthomill", "schemas", "tasks", "pipeline", "benchmarks"))
-    assert not [name for name, times in names.items() if times > 1 and name not in CONVENTION]
+    nobody(name for name, times in names.items() if times > 1 and name not in CONVENTION)
 
 
 def test_nobody_meets_two_classes_of_one_name():
-    trees = [ast.parse(path.read_text()) for path in modules("orthomill", "schemas", "tasks", "pipeline")]
-    names = Counter(node.name for tree in trees for node in ast.walk(tree) if isinstance(node, ast.ClassDef))
-    assert not [name for name, times in names.items() if times > 1]
+    paths = modules("orthomill", "schemas", "tasks", "pipeline")
+    names = Counter(name for path in paths for name in read(path).classes)
+    nobody(name for name, times in names.items() if times > 1)
 
 
 ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/orientation")
@@ -167,6 +189,7 @@ PIPELINE_ROOMS = (
 )  # from the ground up
 
 
+@cache
 def neighbours(floor: str) -> dict[str, set[str]]:
     """room -> the other rooms of its floor that it imports."""
     prefix = floor.replace("/", ".")
@@ -180,11 +203,12 @@ def neighbours(floor: str) -> dict[str, set[str]]:
     return found
 
 
-@pytest.mark.parametrize("floor", ROOMED)
-def test_rooms_of_a_floor_import_in_no_circle(floor):
-    TopologicalSorter(neighbours(floor)).prepare()  # raises CycleError, which names the circle
+def test_rooms_of_a_floor_import_in_no_circle():
+    for floor in ROOMED:
+        TopologicalSorter(neighbours(floor)).prepare()  # raises CycleError, which names the circle
 
 
-@pytest.mark.parametrize("room", PIPELINE_ROOMS)
-def test_a_room_of_the_pipeline_imports_only_rooms_below_it(room):
-    assert neighbours("pipeline")[room] <= set(PIPELINE_ROOMS[: PIPELINE_ROOMS.index(room)])
+def test_a_room_of_the_pipeline_imports_only_rooms_below_it():
+    found = neighbours("pipeline")
+    wrong = {room: found[room] - set(PIPELINE_ROOMS[:place]) for place, room in enumerate(PIPELINE_ROOMS)}
+    nobody(f"{room} imports {', '.join(sorted(above))}" for room, above in wrong.items() if above)
