@@ -4,7 +4,7 @@ Strategy. The tilt grows linearly from corner to corner, as a wrong datum or ori
 1500 m); bumps are raised cosines of alternating sign, at seeded random places with a minimum distance. Everything is a pure
 function of position, so any window of any grid can be deformed independently.
 
-Source: Skarlatos, PhD thesis, 4.4.1 and equation 4.20 (methods/matching_and_dsm_check.md).
+Source: Skarlatos, PhD thesis, 4.4.1 and equation 4.20 (sources/surface_check.md#table-4-20).
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 Boards lie in the jittered cells of a lattice, each rotated by any angle. Photos aim near the centre, are tilted in directions
 spread over the circle and turned through the four quadrants, and are as near as all boards (or `share` of them) allow: what remains
-outside the frame is cut. The published set-ups are those of Kawka 2021 (methods/calibration.md, section 4).
+outside the frame is cut. The published set-ups are those of Kawka 2021 (sources/calibration.md#data).
 """
 
 from dataclasses import dataclass, replace

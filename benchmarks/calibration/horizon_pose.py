@@ -2,7 +2,7 @@
 
 The published check of the pose that a calibration starts from (tasks/calibration/solving/initial_pose.py).
 
-Source: Bender and von Gruber, in Kawka 2021, S9 (methods/calibration.md, with its corrections).
+Source: Bender and von Gruber, in Kawka 2021, S9 (sources/calibration.md, with its corrections).
 """
 
 import numpy as np

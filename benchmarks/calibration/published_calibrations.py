@@ -4,7 +4,8 @@ Run with `python -m benchmarks.calibration.published_calibrations`; the page is 
 published photographs are not to be had: set-ups of the same boards, lens and number of photographs are simulated with the published
 sigma0 as noise, and adjusted with the published five parameters and flat boards.
 
-Source: Kawka 2021, tables 4-8, 4-16, 4-23, 4-36 (several boards), 4-38 to 4-48 (single boards, FAUCCAL) (methods/calibration.md).
+Source: Kawka 2021, tables 4-8, 4-16, 4-23, 4-36 (several boards), 4-38 to 4-48 (single boards, FAUCCAL)
+(sources/calibration.md#results).
 """
 
 from dataclasses import dataclass, replace

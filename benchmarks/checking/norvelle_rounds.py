@@ -7,7 +7,7 @@ is computed: where either orthoimage, made with the wrong surface, shows a true 
 of Norvelle's formula the error of the surface is interpolated anew between the corrected nodes, and orthoimages are "made" again;
 the rays need one pass.
 
-Source: methods/matching_and_dsm_check.md, 1.6, 1.7, 4.4.1 and checks 22, 23.
+Source: Skarlatos (sources/surface_check.md#iterative, #deterministic, #synthetic-check), checks 22 and 23.
 """
 
 import time

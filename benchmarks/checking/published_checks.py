@@ -11,7 +11,7 @@ a manual point by 0.35 m. Where either orthoimage shows a true point is computed
 The stand-in cannot confirm the printed figures, for its errors were chosen. It shows what trimming alone does to such tables, which
 the source does to the corrected rows only, and that the normal law does not describe what is left.
 
-Source: methods/matching_and_dsm_check.md, 4.4 (tables 4.20 to 4.22, equation 4.20, checks 25 to 27).
+Source: Skarlatos (sources/surface_check.md#results), tables 4.20 to 4.22, equation 4.20, checks 25 to 27.
 """
 
 import numpy as np

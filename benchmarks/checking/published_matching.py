@@ -7,7 +7,7 @@ the others. The commercial surfaces are the true one with errors: smoothed (0.5 
 8 m too low over 12 m, on half a percent of the ground), blunders. Those were chosen so that their sizes are the published ones, and
 confirm nothing; what is compared is which share lies beyond 0.75 m by the normal law, as printed, and counted.
 
-Source: methods/matching_and_dsm_check.md, 1.12, 4.2, tables 4.13 and 4.14.
+Source: Skarlatos (sources/surface_check.md#against-points, #real-pair), tables 4.13 and 4.14.
 """
 
 import numpy as np

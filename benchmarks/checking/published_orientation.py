@@ -7,7 +7,7 @@ measured in several packages); 18343 manual ones on 1500 x 1200 m, which the sou
 plotter, so that they fit that one (the printed "manual" column) and not the true one. Every set is oriented by five rotations, and
 intersected with all three orientations. The sizes of the errors are chosen so that sigma0 is the printed one.
 
-Source: methods/matching_and_dsm_check.md, 1.11 (equations 4.17 and 4.18), tables 4.15 and 4.17 to 4.19.
+Source: Skarlatos (sources/surface_check.md#relative-orientation), equations 4.17 and 4.18, tables 4.15 and 4.17 to 4.19.
 """
 
 import numpy as np

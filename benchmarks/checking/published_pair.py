@@ -10,7 +10,8 @@ parts of 400 x 400 m: both corners of the published area (1600 x 2530 m) where t
 nodes twice as dense. The default windows of 11 px are for ground with houses; on this smooth ground wider ones, within the
 published range, are more precise, so both are shown.
 
-Source: methods/matching_and_dsm_check.md, 4.1, 4.4.1 and check 22; measured.md, "The DSM check".
+Source: Skarlatos (sources/matching.md#synthetic-pair, sources/surface_check.md#synthetic-check), check 22;
+sources/measured.md#check.
 """
 
 import tempfile

@@ -2,7 +2,7 @@
 
     python -m benchmarks.checking.published_pair_tables
 
-Source: methods/matching_and_dsm_check.md, 4.3; the tables are made in `published_matching` and `published_orientation`.
+Source: Skarlatos, 4.3 (sources/surface_check.md#results); the tables are made in `published_matching` and `published_orientation`.
 """
 
 from benchmarks.checking.published_matching import SHAPES, difference_rows, filter_rows, matched

@@ -4,7 +4,7 @@ A part of the simulated town, whose pixel of 64 um and flight are those of the p
 halving, whole pixels of column, one pixel of parallax as standard error), against the truth. Then the search: every level guided,
 or a single level along the whole line, by the points of the last level.
 
-Source: Karfis 2009, sections 7.2 and 8.3 (methods/relative_orientation_and_epipolar.md 3.3 to 3.5, checks 20 and 22 to 24).
+Source: Karfis 2009, sections 7.2 and 8.3 (sources/epipolar.md#results), checks 20 and 22 to 24.
 """
 
 import sys

@@ -9,7 +9,7 @@ The dissertation's own texture is not public. The shipped mosaic is three times 
 the pixel of the experiment instead and continued by mirroring, three times along each axis, which just covers the ground of the
 original. Copies are hundreds of metres apart, far beyond any search range. Mirroring leaves a crease but no step.
 
-Source: methods/matching_and_dsm_check.md 4.1; measured.md (noise version).
+Source: Skarlatos (sources/matching.md#synthetic-pair); sources/measured.md (with noise).
 """
 
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ class PairRadiometry:
 
 CLEAN = PairRadiometry()
 NOISY = PairRadiometry(noise=2.0, gain=0.9, offset=10.0)
-"""the second version of the measured experiments (methods/measured.md)"""
+"""the second version of the measured experiments (sources/measured.md)"""
 
 
 def ground_texture(path: Path | None = None) -> GroundTexture:

@@ -7,7 +7,7 @@ intersection of two rays has a closed form: x of the left and x of the right giv
 
 Pixels are (col, row) with the centre of the upper-left one at (0, 0); the published affine of the scan counts from its corner.
 
-Source: methods/matching_and_dsm_check.md 4.1 (surface 4.1, table 4.3); measured.md, "The geometry closes".
+Source: Skarlatos (sources/matching.md#synthetic-pair), equation 4.1, table 4.3; sources/measured.md#geometry.
 """
 
 from enum import IntEnum

@@ -4,7 +4,7 @@ Strategy. The pair is rendered band by band, with the rows that the largest wind
 fits a laptop; a point is matched in its band as it would be in the whole. Truth is the ray-surface intersection of the point's left
 pixel, and what is matched is intersected by least squares without a test of the parallax, as published.
 
-Source: methods/matching_and_dsm_check.md 1.9, 1.10, 4.1; measured.md.
+Source: Skarlatos (sources/surface_check.md#experiments, #measures, sources/matching.md#synthetic-pair); sources/measured.md.
 """
 
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
 """The published tables of the window experiments, as printed, for comparison with what is measured here.
 
 Rows: returned %, number of blunders, correct of all tested %, FGDC 95 % accuracy horizontal and vertical (m). All per cent are of
-41079 points. Source: Skarlatos; methods/matching_and_dsm_check.md, tables 4.6 to 4.12.
+41079 points. Source: Skarlatos (sources/matching.md#results), tables 4.6 to 4.12.
 """
 
 from typing import NamedTuple

@@ -5,7 +5,7 @@ texture itself, on the same slightly softened, and on the shipped one: what chan
 reading knows a limiter. Statistical sizes are repeated with more contrast about the local mean, roundness limits with one-sided
 differences.
 
-Source: methods/matching_windows.md 2.1, 2.2, 9; matching_and_dsm_check.md 4.1, tables 4.6 to 4.8 and 4.11.
+Source: Skarlatos (sources/matching.md#least-squares, #window-size, #open, #synthetic-pair), tables 4.6 to 4.8 and 4.11.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Dense surfaces of the synthetic pair and of real stereo pairs: the strategies and their peers, on the same nodes in one run.
 
-Source: methods/measured.md (dense surface), matching_and_dsm_check.md table 4.12; Middlebury stereo data 2003 and 2014.
+Source: sources/measured.md#dense; Skarlatos (sources/matching.md#table-4-12); Middlebury stereo data 2003 and 2014.
 """
 
 import time

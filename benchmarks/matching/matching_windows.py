@@ -4,7 +4,7 @@ Strategy. Thresholds of the entropy and Foerstner methods cannot be adopted (oth
 is calibrated to the share of points that the publication gave a window; roundness limits are the published ones. The statistical
 methods keep their printed thresholds. All settings start from one list.
 
-Source: methods/matching_and_dsm_check.md 1.2, tables 4.5 to 4.11.
+Source: Skarlatos (sources/matching.md#window-size), tables 4.5 to 4.11.
 """
 
 from collections.abc import Iterator, Mapping

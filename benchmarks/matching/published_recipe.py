@@ -12,7 +12,7 @@ def published(window: int, shape: Square | Ellipse | None = None, limited: bool 
     and the left one for ellipses. A square has nothing but its own pixels, so that both printed formulae are needed, central inside
     and one-sided at the border, and what they give enters the equations as printed; ellipses are cut from a larger square. Of the
     readings measured, only this one comes within 8 points of table 4.6 on two textures (benchmarks/results/matching.md).
-    `limited`: with the limits of 3 px and 0.1 per iteration (section 4.3.2.1 and later) or without (before it). No other limit is
+    `limited`: with the limits of 3 px and 0.1 per iteration (sources/matching.md#end) or without (before it). No other limit is
     mentioned, and only windows that the affine mirrors are refused: they can be no match.
     """
     shape = Square() if shape is None else shape

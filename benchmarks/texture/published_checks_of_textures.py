@@ -1,4 +1,4 @@
-"""Where each published check of textures (Petsa et al. 2007, A-01 to A-28) is made, and what is found there: a test, or a page.
+"""Where each published check of textures (sources/blending.md, A-01 to A-28) is made, and what is found there: a test, or a page.
 
 `python -m benchmarks.texture.published_checks_of_textures` writes `benchmarks/results/texture_checks.md`; tests record what they
 find as a property `found`. Another test sees to it that every test and page that is named exists.

@@ -8,7 +8,7 @@ the grid is made.
 1: uniform fields with weak texture, parted by roads; 2: a mosaic with a pattern that repeats every few metres and large jumps of
 brightness; 3: eroded land, rich in texture of all sizes.
 
-Source: methods/vertical_line_locus.md B3, B4.
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#results, #data).
 """
 
 from collections.abc import Callable

@@ -5,7 +5,7 @@ every fifth node and a direct run at 50 m (table 2); the errors split by the cor
 and from this method with the third threshold. The truth of the scene stands for the operator of the publication, who has errors of
 his own.
 
-Source: methods/vertical_line_locus.md B3, B7.
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#results, #checks).
 """
 
 import sys
@@ -238,7 +238,7 @@ CHECKS = {
     "B-11": "tables and histograms above; test_published_study.py: their counts are those of the grid",
     "B-12": "test_vertical_lines.py: what is handed on, r and its absolute value, an inverted photograph",
 }
-"""the acceptance checks of the method page, and where each is"""
+"""the checks of sources/line_locus.md, and where each is"""
 
 
 def checks() -> list[str]:

@@ -6,7 +6,7 @@ part that differs from pair to pair; the latter is taken to be as large as the y
 decide whether the heights of several pairs agree. The part of the orientation error that all pairs share (datum, camera constant)
 must not make contradicting heights agree; it is added to the precision of the fused height (`orientation_sigma`).
 
-Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.12, 1.17), with rotation and left centre to the ground.
+Source: Karfis 2009 (sources/epipolar.md#base-system, #intersection), with rotation and left centre to the ground.
 """
 
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ differ from the whole. Cells with too little support by their neighbours are rem
 isolated, or surrounded by others that contradict each other, which no deviation shows. A patch of wrong matches supports itself
 within that circle; so every height first needs support in a wider circle.
 
-Source: Karfis 2009 (methods/relative_orientation_and_epipolar.md 1.19).
+Source: Karfis 2009 (sources/epipolar.md#spikes).
 """
 
 from typing import NamedTuple, Self

@@ -3,9 +3,9 @@
 Strategy. Spikes are first removed from the nodes of all pairs near a tile (against the median of their neighbours). Then a plane is
 fitted in every cell to the corrections within a fixed radius, weighted by distance: a linear interpolation that also shows how well
 its points agree. Only **corrections** are interpolated and added; interpolating corrected heights would smooth the surface
-(methods/measured.md). The windows of neighbours overlap, and so do their errors: a mean of nodes keeps what they have in common and
-averages the rest. Scatter about the plane beyond that is an error of the plane, and is added. Points are summed in the order of the
-whole raster, so that any tiling gives the same sums.
+(sources/measured.md#check). The windows of neighbours overlap, and so do their errors: a mean of nodes keeps what they have in
+common and averages the rest. Scatter about the plane beyond that is an error of the plane, and is added. Points are summed in the
+order of the whole raster, so that any tiling gives the same sums.
 
 The surface is changed only where the correction clearly exceeds its own standard error: below, noise would be added to a good
 surface. The share that is applied grows from 0 to 1 around the limit, so that no step arises.

@@ -10,7 +10,7 @@ same holds for A'' and the right one. Two constructions find the point where bot
 Both are exact for errors of any size, as far as both places show the same point and are found. Norvelle's refinement, which they
 replace, is here to be compared: dx H / B, where the point is thought to be, and orthoimages again.
 
-Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (methods/matching_and_dsm_check.md, 1.7); methods/measured.md.
+Source: Skarlatos, PhD thesis, sections 3.4.2 and 3.4.3 (sources/surface_check.md#deterministic); sources/measured.md#check.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ places. The correction is the difference between the intersected point and the m
 of the shift, through base over height, and from the slope of the model, which turns an error in plan into one in height. Nodes
 that are hidden from one of the photographs are not tried.
 
-Source: Skarlatos, PhD thesis, 3.4 (methods/matching_and_dsm_check.md, 1.7).
+Source: Skarlatos, PhD thesis, 3.4 (sources/surface_check.md#deterministic).
 """
 
 from dataclasses import dataclass

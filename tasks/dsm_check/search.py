@@ -5,7 +5,8 @@ orthoimages of half size all shifts along the base up to the reach and one pixel
 full size. The surface model has the benefit of the doubt: a shift is accepted only if it correlates clearly better than no shift.
 The reverse search from the place found must return to the point.
 
-Source: normalised correlation and reverse matching: Karfis 2009, 4.3.1 and 4.4; methods/measured.md (limit across the base).
+Source: normalised correlation and reverse matching: Karfis 2009, 4.3.1 and 4.4 (sources/epipolar.md#correlation, #return);
+sources/measured.md#check (limit across the base).
 """
 
 from dataclasses import dataclass

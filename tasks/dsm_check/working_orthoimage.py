@@ -4,7 +4,7 @@ Strategy. Every pixel takes its height from the model (bilinear between cell cen
 interpolated there. Occlusions are not removed: where the model is wrong, or where an object stands in front, the image shows it,
 and that is what the check compares. Where the model has no height the orthoimage has no data (0).
 
-Source: methods/matching_and_dsm_check.md, 1.7, step 1.
+Source: Skarlatos (sources/surface_check.md#step-1).
 """
 
 from dataclasses import dataclass

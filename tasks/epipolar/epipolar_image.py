@@ -4,7 +4,7 @@ Strategy. Every epipolar pixel is rotated into the system of the photograph, pro
 grey values: a single resampling leads from the file to the normal case and removes the distortion on the way. A pixel depends only
 on its own coordinates, so any tiling gives the same image.
 
-Source: Karfis 2009, section 5.2 (methods/relative_orientation_and_epipolar.md, 1.10, inverse mapping).
+Source: Karfis 2009, section 5.2 (sources/epipolar.md#epipolar-images, inverse mapping).
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """The check of epipolar pairs: residual y-parallaxes of their tie points, the standard error of their rows that follows, and the
 pyramid level on which rows are good enough to be matched.
 
-Source: Karfis 2009, section 5.3 (methods/relative_orientation_and_epipolar.md, 1.11).
+Source: Karfis 2009, section 5.3 (sources/epipolar.md#row-test).
 """
 
 import math

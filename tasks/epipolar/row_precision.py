@@ -6,7 +6,7 @@ orientation by the collinearity equations. The joint covariance removes what a p
 alike, and what an uncertain camera constant does to orientation and camera together. Where it is not known the errors count as
 independent, and the result is an upper bound. An interior orientation that was not adjusted in the block contributes nothing.
 
-Source: Karfis 2009, section 6.5 (methods/relative_orientation_and_epipolar.md, 1.14).
+Source: Karfis 2009, section 6.5 (sources/epipolar.md#row-band).
 """
 
 from collections.abc import Callable

@@ -4,8 +4,8 @@ A tile keeps, per stratum (class, code, seen twice), a histogram in bins of a hu
 sums. Summed histograms give median, NMAD and quantiles of the whole surface to within a bin, without ever holding all differences
 in memory.
 
-Source: methods/relative_orientation_and_epipolar.md 1.21 (bias, SD, RMS, shares within n sigma);
-methods/matching_and_dsm_check.md 1.10 (95 % of the normal law: 1.96 RMSE) and 1.12; Hoehle & Hoehle 2009 (NMAD, quantiles).
+Source: Karfis 2009 (sources/epipolar.md#evaluation: bias, SD, RMS, shares within n sigma); Skarlatos
+(sources/surface_check.md#measures: 95 % of the normal law is 1.96 RMSE; #against-points); Hoehle & Hoehle 2009 (NMAD, quantiles).
 """
 
 from dataclasses import dataclass

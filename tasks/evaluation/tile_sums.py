@@ -142,7 +142,7 @@ def rounded(value: float | None, digits: int = 4) -> float | None:
 def expected_sigma(block: Block, pairs: EpipolarPairs | None, parallax_sigma: float) -> float | None:
     """Standard error of a height as published: (H/B) times the ground pixel times the parallax error (px); m.
 
-    Source: methods/relative_orientation_and_epipolar.md 1.21, sigma_Z = k (H/B) sigma_p.
+    Source: Karfis 2009 (sources/epipolar.md#evaluation), sigma_Z = k (H/B) sigma_p.
     """
     # without pairs no base is known, and without a base no expectation
     if pairs is None or not pairs.pairs:

@@ -6,8 +6,8 @@ also holds for strips flown in opposite directions and for any kappa. The images
 constant, not smaller than that of either photograph. Rows and columns are limited to ground that both photographs can see between
 two heights.
 
-Source: Karfis 2009, chapter 5 (methods/relative_orientation_and_epipolar.md, 1.10 to 1.14), with the corrected order of the
-rotations: R_b = R_Omega R_K R_Phi, phi_b = -arctan(Bz / Bx), kappa_b = arctan(By / sqrt(Bx^2 + Bz^2)) (misprint M1).
+Source: Karfis 2009, chapter 5 (sources/epipolar.md#epipolar-images to #row-band), with the corrected order of the
+rotations (#misprint-m1): R_b = R_Omega R_K R_Phi, phi_b = -arctan(Bz / Bx), kappa_b = arctan(By / sqrt(Bx^2 + Bz^2)).
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def base_rotation(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
     `direction` points from the ground to the camera. Raises GeometryError when it is parallel to the base.
     """
-    # R_b = R_Omega R_K R_Phi. The order that the source prints leaves 0.017 of the base in z (misprint M1), a y-parallax of 8 px.
+    # R_b = R_Omega R_K R_Phi. The order that the source prints leaves 0.017 of the base in z, a y-parallax of 8 px.
     phi, kappa = -np.arctan2(base[2], base[0]), np.arctan2(base[1], np.hypot(base[0], base[2]))
     sp, cp, sk, ck = np.sin(phi), np.cos(phi), np.sin(kappa), np.cos(kappa)
     turned = np.array([[ck, sk, 0.0], [-sk, ck, 0.0], [0.0, 0.0, 1.0]]) @ np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
@@ -348,7 +348,7 @@ def epipolar_shape(pair: EpipolarPair, side: Side) -> tuple[int, int]:
 def intersect_pair(pair: EpipolarPair, left_pixels: np.ndarray, parallax: np.ndarray) -> np.ndarray:
     """Ground points (N, 3) m of left epipolar pixels (N, 2) with parallax x_left - x_right (N,) px; NaN where it is not positive.
 
-    Source: Karfis 2009, normal case (methods page, 1.12 and 1.17).
+    Source: Karfis 2009, normal case (sources/epipolar.md#base-system, #intersection).
     """
     # Similar triangles: the depth is c B / p, and all three coordinates scale with it.
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -360,7 +360,7 @@ def intersect_pair(pair: EpipolarPair, left_pixels: np.ndarray, parallax: np.nda
 def row_partials(xy: np.ndarray, c: float) -> np.ndarray:
     """(N, 3): derivatives of the image coordinate y (px) by small rotations (rad) about the axes x, y, z of the image.
 
-    xy (N, 2) px. Source: Karfis 2009 (methods page, 1.14): c (1 + y^2 / c^2), -x y / c, x.
+    xy (N, 2) px. Source: Karfis 2009 (sources/epipolar.md#row-band): c (1 + y^2 / c^2), -x y / c, x.
     """
     x, y = xy[:, 0], xy[:, 1]
     return np.column_stack([c * (1 + y**2 / c**2), -x * y / c, x])
@@ -369,7 +369,7 @@ def row_partials(xy: np.ndarray, c: float) -> np.ndarray:
 def row_band(xy: np.ndarray, c: float, sigmas: tuple[float, float, float]) -> np.ndarray:
     """(N,) px: standard error of the row of the homologous point, from standard errors `sigmas` of omega, phi, kappa (rad).
 
-    It is the half-width of the published band of rows. Source: Karfis 2009, section 6.5 (methods page, 1.14 and check 14), which
-    takes the three angles for uncorrelated.
+    It is the half-width of the published band of rows. Source: Karfis 2009, section 6.5 (sources/epipolar.md#row-band), check 14,
+    which takes the three angles for uncorrelated.
     """
     return np.sqrt((row_partials(xy, c) ** 2 * np.square(sigmas)).sum(axis=1))

@@ -6,7 +6,7 @@ import numpy as np
 def rotation_matrix(omega: float, phi: float, kappa: float) -> np.ndarray:
     """The 3 x 3 rotation world to image from three angles in radians.
 
-    Source: Karfis 2009, section 3.3 (methods/relative_orientation_and_epipolar.md, 1.8).
+    Source: Karfis 2009, section 3.3 (sources/epipolar.md#relative-orientation).
     """
     so, co = np.sin(omega), np.cos(omega)
     sp, cp = np.sin(phi), np.cos(phi)

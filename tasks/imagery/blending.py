@@ -9,7 +9,7 @@ all: a row of pixels is first averaged as a whole, photograph by photograph, and
 Colours are vectors: the centre is the mean or the channel-wise median, sigma the root mean square distance from it, so one grey
 channel gives exactly the published rule.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md): M7 rejection, M9 two values, M12 weights, M13 best N.
+Source: Petsa et al. 2007 (sources/blending.md): M7 rejection, M9 two values, M12 weights, M13 best N.
 """
 
 from dataclasses import dataclass

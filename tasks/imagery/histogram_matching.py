@@ -5,7 +5,7 @@ photographs at the same places: the same ground on both sides, whatever else the
 is linear, beyond them its distance stays. It follows curves that a gain and an offset cannot (two cameras, developed files); it
 takes the contrast of blurred photographs for exposure, and a vignetting it leaves.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M19); method and reference are not stated there.
+Source: Petsa et al. 2007 (sources/blending.md, M19); method and reference are not stated there.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ the photo's middle in half diagonals. The ground brightness of every sample is u
 bundle adjustment, so that noise in g does not bias the gains. Huber weights limit the influence of vehicles, leaves and
 reflections. Absolute brightness is not determinable: the gains have the mean 1 and the offsets the mean 0.
 
-Source: the least-squares form of what Petsa et al. 2007 did by equating histograms (methods/texture_blending.md, M19).
+Source: the least-squares form of what Petsa et al. 2007 did by equating histograms (sources/blending.md, M19).
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ Strategy: the photograph is read in strips with a halo, upright and as grey valu
 pixels is to get a window, a first pass finds the limit on a regular grid of pixels; pixels so close to the border that the largest
 window does not fit are excluded from that share.
 
-Source: methods/matching_windows.md 2.2 (row 8); Skarlatos.
+Source: Skarlatos (sources/matching.md#size-map).
 """
 
 import math

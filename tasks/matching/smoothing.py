@@ -3,7 +3,7 @@
 Strategy: the Gaussian is normalised by the weights of the valid pixels under it, so that missing data do not bleed into the image;
 a pixel without data stays NaN. NaN then propagates through every sum of a window, and one test per window detects missing data.
 The kernels are our own because a value must not depend on where in a tile its pixel lies.
-Smoothing both images with sigma 0.8 px is the largest single gain of least-squares matching (methods/measured.md).
+Smoothing both images with sigma 0.8 px is the largest single gain of least-squares matching (sources/measured.md#windows).
 """
 
 import numpy as np

@@ -4,7 +4,7 @@ A mark that was measured wrongly, or two that were exchanged, are identified by 
 Five marks are needed to identify one, six to identify two; with four marks the residuals of all have the same size, so that a gross
 error is detected but not located.
 
-Source: Karfis 2009, section 1.3 (methods/relative_orientation_and_epipolar.md, 1.2, option A).
+Source: Karfis 2009, section 1.3 (sources/epipolar.md#option-a).
 """
 
 from dataclasses import dataclass

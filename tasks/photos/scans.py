@@ -6,7 +6,7 @@ the lines between opposite marks, scans are shifted. In either case every photog
 pixels whose middle is the origin of the image coordinates; all later stages work as with a digital camera, and one interior
 orientation serves all photographs.
 
-Source: Karfis 2009, sections 1.3 and 5.2 (methods/relative_orientation_and_epipolar.md, 1.2: option A and option B).
+Source: Karfis 2009, sections 1.3 and 5.2 (sources/epipolar.md#option-a, #option-b).
 """
 
 import csv

@@ -184,7 +184,8 @@ class OutputRasters(NamedTuple):
 
 
 def depth_picture(nearness: np.ndarray, central: bool, near: tuple[float, float] | None = None) -> np.ndarray:
-    """uint8 (rows, cols, 4): depth as grey, 255 at the nearest place and 0 at the farthest; transparent without surface (M4).
+    """uint8 (rows, cols, 4): depth as grey, 255 at the nearest place and 0 at the farthest; transparent without surface (M4 of
+    sources/blending.md).
 
     `near`: lowest and highest nearness of the whole raster, of which this may be a tile; `central`: nearness is an inverse depth.
     """

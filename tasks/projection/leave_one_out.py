@@ -4,7 +4,7 @@ A photograph is made again from all others, at a level of its pyramid, and compa
 al. 2004) and gradient energy, the sum of squared differences between neighbours, as a part of the photograph's own: blending blurs
 where mesh and orientation disagree. The same from the nearest photograph alone is what programs with one photograph per face give.
 
-Source: Petsa et al. 2007, Fig. 35 (methods/texture_blending.md, A4 and A-22).
+Source: Petsa et al. 2007, Fig. 35 (sources/blending.md#data, A-22).
 """
 
 from typing import NamedTuple

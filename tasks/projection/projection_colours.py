@@ -4,7 +4,7 @@ The weight of a colour is the area of the surface element in the photograph: c^2
 projection centre and the depth w along the axis; the element itself is the same for all photographs. It is made soft towards the
 border of the photograph, and almost nothing next to the limit of what is hidden (`widening/hidden_edges.py`).
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M6, M7, M8, M9, M12, M13).
+Source: Petsa et al. 2007 (sources/blending.md, M6, M7, M8, M9, M12, M13).
 """
 
 from dataclasses import dataclass, replace

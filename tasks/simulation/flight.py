@@ -1,6 +1,6 @@
 """The flight over a simulated scene: the camera, the exterior orientations, and how each photograph renders brightness.
 
-Numbers after the Volos block (Karfis 2009; methods/relative_orientation_and_epipolar.md, section 4): scale 1:6800, c = 153.353 mm,
+Numbers after the Volos block (Karfis 2009; sources/epipolar.md#data): scale 1:6800, c = 153.353 mm,
 23 cm frame, base 582 m; rotations of about a degree, kappa up to two degrees, every second strip in the opposite direction.
 Everything random is drawn per flight in metres and degrees, so that another pixel size renders the same flight.
 """

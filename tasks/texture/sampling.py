@@ -1,8 +1,8 @@
 """The colour that a photograph has for each ortho pixel, and the weight ("worth") of that colour.
 
 Colour: bicubic (Keys 1981, a = -1/2, which reproduces a linear ramp exactly) at the projected place, lens distortion included.
-Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007, M12;
-after Poulin et al. 1998), times a feather towards the photo's border.
+Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007,
+sources/blending.md, M12; after Poulin et al. 1998), times a feather towards the photo's border.
 
 For a piece of surface over the horizontal area A with normal n = (-dz/dx, -dz/dy, 1), seen along d = centre - point at depth w
 along the optical axis, that area is c^2 A (n . d) / w^3: the solid angle A (n . d) / |d|^3 over the cube of the cosine to the axis.

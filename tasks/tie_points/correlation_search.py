@@ -7,7 +7,7 @@ the interest point of the right photograph at its place, so that tracks continue
 match is not used. Scales must agree within a few per cent and photographs must not be rotated against each other; in all other
 cases features with descriptors are needed.
 
-Source: Karfis 2009, sections 2.3, 4.3, 4.4 and 8.3 (methods/relative_orientation_and_epipolar.md, 1.3 to 1.6).
+Source: Karfis 2009, sections 2.3, 4.3, 4.4 and 8.3 (sources/epipolar.md#interest-points to #return).
 """
 
 from typing import Literal

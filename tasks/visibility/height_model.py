@@ -8,7 +8,7 @@ tile with a large enough halo gives exactly the answer of the whole model.
 Holes are bridged for this test (and for draping) from the nearest heights in eight directions: an unmeasured spot on a roof still
 hides the ground behind it. Holes wider than the bridge hide nothing.
 
-Source: visibility by the surface nearest to the projection centre, Petsa et al. 2007 (methods/texture_blending.md, M5); the exact
+Source: visibility by the surface nearest to the projection centre, Petsa et al. 2007 (sources/blending.md, M5); the exact
 ray replaces the triangle look-up. Widening of occlusions: M10, on the ground instead of in the image.
 """
 

@@ -7,7 +7,7 @@ the point hides it. Rounding the image point to a pixel would hide points of fin
 Where none of the four is the point's own triangle and none is met (triangles smaller than a pixel), the point is hidden if it lies
 behind all four pixels. A back face is never seen.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M5; the depth break of M9).
+Source: Petsa et al. 2007 (sources/blending.md, M5; the depth break of M9).
 """
 
 from collections.abc import Mapping

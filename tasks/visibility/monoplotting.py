@@ -8,7 +8,7 @@ Holes are no surface: a ray that leaves the model or meets holes alone hits noth
 The point moves with the image point, the orientation and the heights: on the plane of the surface about it the derivatives are
 those of one intersection.
 
-Source: methods/relative_orientation_and_epipolar.md 1.15 (row 15).
+Source: Karfis 2009 (sources/epipolar.md#monoplotting).
 """
 
 from typing import NamedTuple

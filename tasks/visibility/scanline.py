@@ -10,7 +10,7 @@ Of triangles that are equally near at a pixel the one with the lowest number sta
 
 Parts of triangles beside and behind a projection centre are cut off before the division.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M2b, M3 and M5).
+Source: Petsa et al. 2007 (sources/blending.md, M2b, M3 and M5).
 """
 
 import math

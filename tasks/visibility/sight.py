@@ -3,7 +3,7 @@
 Each surface answers with its own geometry: a height model by rays that must stay above it (`lines_of_sight.py`), a mesh by the
 triangles drawn around the image of the place (`mesh_sight.py`). What colours, counts and reports it asks for these codes only.
 
-Source: visibility as in Petsa et al. 2007 (methods/texture_blending.md, M5; the break of the depth in a photograph, M9).
+Source: visibility as in Petsa et al. 2007 (sources/blending.md, M5; the break of the depth in a photograph, M9).
 """
 
 from enum import IntEnum

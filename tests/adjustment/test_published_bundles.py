@@ -1,4 +1,4 @@
-"""Self-calibrating bundles on the geometry of the three published applications (A-18, A-19 of methods/texture_blending.md)."""
+"""Self-calibrating bundles on the geometry of the three published applications (A-18, A-19 of sources/blending.md)."""
 
 import numpy as np
 import pytest

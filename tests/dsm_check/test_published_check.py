@@ -1,4 +1,4 @@
-"""The published experiments of the check (methods/matching_and_dsm_check.md, 4.4.1 and tables 4.14, 4.19 to 4.22), where a formula
+"""The published experiments of the check (sources/surface_check.md#results, tables 4.14, 4.19 to 4.22), where a formula
 gives what the tables printed."""
 
 import numpy as np
@@ -19,7 +19,7 @@ NORMAL = norm.ppf((np.arange(200_000) + 0.5) / 200_000)
 
 
 def surface(x, y):
-    """Equation 4.1."""
+    """Equation 4.1 of sources/matching.md."""
     u, v = x - 10552, y - 10000
     waves = 15 * (np.sin(np.pi * u / 400) + np.sin(np.pi * v / 400)) + 6 * (np.sin(np.pi * u / 90) + np.sin(np.pi * v / 90))
     return 100 + 0.01 * u - 0.01 * v + waves
@@ -52,7 +52,7 @@ def seen_on_wrong(truth, centre):
 
 
 def test_check_values_of_the_published_surface():
-    """Acceptance check 1."""
+    """Check 1."""
     values = {(10552, 10000): 100.0, (11000, 10500): 77.8612, (10100, 9300): 123.3191, (10552, 10200): 116.8567}
     for (x, y), z in values.items():
         assert surface(x, y) == pytest.approx(z, abs=5e-5)
@@ -66,7 +66,7 @@ def test_the_published_deformation_has_the_published_range():
 
 @pytest.mark.parametrize("correction", [RayCorrection(), PlanCorrection()], ids=["rays", "plan"])
 def test_forty_metres_of_deformation_are_recovered_without_noise(correction):
-    """Acceptance check 21: better than 1e-6 m, in one step."""
+    """Check 21: better than 1e-6 m, in one step."""
     truth = nodes()
     left, right = (seen_on_wrong(truth, centre) for centre in (CENTRES.left, CENTRES.right))
     found = correct(left, right, CENTRES, correction, PIXEL)
@@ -147,7 +147,7 @@ def real_deformation():
 
 
 def test_table_4_20_predicted_statistics_of_the_deformed_surface():
-    """The method page recomputed mean -0.5, std 1.85 and mean absolute 1.5 m for reference minus DSM."""
+    """Computed from equation 4.20: mean -0.5, std 1.85 and mean absolute 1.5 m for reference minus DSM."""
     dh = -real_deformation()
     found = summarised(count(dh, np.ones_like(dh), 2.0), 2.0)
     assert found.mean == pytest.approx(-0.5, abs=0.01) and found.std == pytest.approx(1.85, abs=0.01)
@@ -164,7 +164,7 @@ def test_table_4_20_the_deformation_is_a_trend():
 
 
 def test_corrections_are_interpolated_not_heights():
-    """methods/measured.md: a smooth deformation of a rough surface is recovered from its corrections alone."""
+    """sources/measured.md#check: a smooth deformation of a rough surface is recovered from its corrections alone."""
     grid = CorrectionNodes(step=4, pixels_per_cell=1, radius=6.0, move=20.0, window=11.0)
     row, col = (v.ravel() for v in np.mgrid[2:120:4, 2:120:4])
     dh = 16.0 * np.sin(row / 60.0) * np.cos(col / 70.0)

@@ -152,7 +152,7 @@ def test_the_expected_standard_error_is_the_published_formula():
     ids=["Volos rough", "Volos full resolution", "Kea rough", "Kea full resolution"],
 )
 def test_the_published_expected_errors(flying, base, scale, pixel, sigma):
-    """Karfis 2009, 8.3 and 8.4 (method page 3.4): k (H / B) sigma_p for one pixel of parallax."""
+    """Karfis 2009, 8.3 and 8.4 (sources/epipolar.md#results-expected): k (H / B) sigma_p for one pixel of parallax."""
     camera = box_block().cameras["test"].model_copy(update={"c": flying / (scale * pixel)})
     photos = tuple(p.model_copy(update={"centre": (0.0, 0.0, flying)}) for p in box_block().photos)
     known = box_block().model_copy(update={"cameras": {"test": camera}, "photos": photos, "ground_low": 0.0, "ground_high": 0.0})
@@ -186,7 +186,7 @@ def test_without_pairs_nothing_is_expected():
 
 
 def test_the_published_fgdc_factor():
-    """Acceptance check 4 of methods/matching_and_dsm_check.md: an RMSE of 2.02 m is 3.96 m at 95 %."""
+    """Check 4 of sources/surface_check.md: an RMSE of 2.02 m is 3.96 m at 95 %."""
     sums, counts, *_ = tile([2.02, -2.02], [PlaceClass.CLEAR_GROUND] * 2)
     clear = strata_of((PlaceClass.CLEAR_GROUND,))
     found = measures(merged_sums((sums,), clear), merged_histogram((counts,), clear), CELL, None)

@@ -78,7 +78,8 @@ def test_exact_measurements_give_the_exact_points_and_no_residuals():
 
 
 def test_height_precision_of_the_normal_case_is_the_textbook_formula():
-    """sigma_Z = (H / B) (H / c) sigma_p with sigma_p = sqrt(2) sigma, for a point on the base line; methods page, section 3.4."""
+    """sigma_Z = (H / B) (H / c) sigma_p with sigma_p = sqrt(2) sigma, for a point on the base line
+    (sources/epipolar.md#results-expected)."""
     ideal = Camera(name="c", width=2000, height=1500, c=1600.0)
     views = [View(n, ideal, np.eye(3), np.array([x, 0.0, 240.0])) for n, x in (("l", 0.0), ("r", 60.0))]
     own = measured(views, np.array([[30.0, 0.0, 0.0]]), sigma=0.4)

@@ -50,7 +50,8 @@ def test_the_base_lies_along_x(base, tilt_x, tilt_y):
 
 
 def test_volos_base_to_twelve_digits():
-    """The printed order of the rotations leaves -0.0168 of the base in z (misprint M1); the corrected one leaves nothing."""
+    """The printed order of the rotations leaves -0.0168 of the base in z (sources/epipolar.md#misprint-m1); the corrected one
+    leaves nothing."""
     base = np.array([1.0, 0.0382, -0.0084])
     rotation = base_rotation(base, np.array([0.01, 0.02, 1.0]))
     np.testing.assert_allclose(rotation @ base, (np.linalg.norm(base), 0, 0), atol=1e-12)
@@ -123,7 +124,7 @@ def test_a_tile_sees_its_window_only():
 
 
 def test_row_band_of_the_published_orientations():
-    """0.10, 0.41 and 2.35 px from the tabulated standard errors (methods page 3.2), at x = y = 75 mm."""
+    """0.10, 0.41 and 2.35 px from the tabulated standard errors (sources/epipolar.md#results-rows), at x = y = 75 mm."""
     volos, kea = np.radians([0.0018, 0.0022, 0.0007]), np.radians([0.0344, 0.0229, 0.0057])
     xy = np.array([[75.0, 75.0]])
     assert row_band(xy, 153.353, volos)[0] / 0.064 == pytest.approx(0.10, abs=0.01)

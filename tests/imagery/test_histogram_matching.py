@@ -1,4 +1,4 @@
-"""Histograms of photographs made alike on the ground that they share (M19)."""
+"""Histograms of photographs made alike on the ground that they share (M19 of sources/blending.md)."""
 
 import numpy as np
 import pytest

@@ -19,7 +19,8 @@ CAMERA = Camera(name="camera", width=160, height=120, c=150.0, x0=3.0, y0=-2.0)
 
 
 def looked_up(projected: np.ndarray, triangles: np.ndarray, shape: tuple[int, int], factor: int = 5) -> np.ndarray:
-    """Triangle numbers by the older published way (M2a): bounding rectangles in a grid of cells, then a test of each candidate."""
+    """Triangle numbers by the older published way (M2a of sources/blending.md): bounding rectangles in a grid of cells, then a test
+    of each candidate."""
     cells: dict[tuple[int, int], list[int]] = {}
     for number, (a, b, c) in enumerate(projected[triangles][..., :2]):
         low = np.floor(np.minimum(np.minimum(a, b), c) / factor).astype(int)

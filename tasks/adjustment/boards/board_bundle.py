@@ -8,7 +8,7 @@ are rejected, until none is left. (3) sigma0 from the residuals and the redundan
 An observation depends on one photograph, one board and the interior orientation only: the normal matrix is summed from blocks, not
 from a matrix of observations by unknowns. The reduced system is small (6 unknowns per photograph) and solved by Cholesky.
 
-Source: Brown 1976; Baarda 1968; Kawka 2021, S11 and S12 (methods/calibration.md).
+Source: Brown 1976; Baarda 1968; Kawka 2021, S11 and S12 (sources/calibration.md).
 """
 
 from dataclasses import dataclass, replace

@@ -5,7 +5,7 @@ axes and scale). Boards in one plane have three unknowns each (two shifts and a 
 known pose ("fixed") and board 0 none. One board, several in a plane and several in space differ by these columns only. Boards
 that need not be flat have their bends as weighted unknowns, board 0 like the others.
 
-Source: Kawka 2021, sections 2.53 to 2.60 (methods/calibration.md, S11).
+Source: Kawka 2021, equations 2.53 to 2.60 (sources/calibration.md, S11).
 """
 
 from dataclasses import dataclass, replace

@@ -6,7 +6,7 @@ rejected alone, until none is left. A tie point that two scans show differently 
 (4) The standard errors of scanned points are estimated from their residuals and redundancy; those of control stay as stated unless
 contradicted.
 
-Source: Baarda 1968 for the tests; Foerstner 1979 for variance components; M18 of methods/texture_blending.md.
+Source: Baarda 1968 for the tests; Foerstner 1979 for variance components; M18 of sources/blending.md.
 """
 
 from dataclasses import dataclass, replace

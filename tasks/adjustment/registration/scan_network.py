@@ -3,7 +3,7 @@
 X_i = R_k x_ik + t_k: point i in the system of the control, and the same point in scan k. There is no scale: a scanner measures
 lengths. Errors of a scanned point are alike in all directions, so that a misfit has the same weight in either system.
 
-Source: Petsa et al. 2007, section 4.3 (methods/texture_blending.md, M18).
+Source: Petsa et al. 2007, section 4.3 (sources/blending.md, M18).
 """
 
 from dataclasses import dataclass, replace

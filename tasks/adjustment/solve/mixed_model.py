@@ -5,7 +5,7 @@ unknowns, so that rotations and unit vectors are corrected on their own manifold
 B P^-1 B' is diagonal, and thousands of conditions cost little. By-products are the redundancy number (the share of an error that
 its own condition shows), the standardised discrepancy, and the smallest error that a test would find.
 
-Source: Karfis 2009, section 3.4 (methods/relative_orientation_and_epipolar.md, 1.8, with the weight misprint M3 corrected); Baarda
+Source: Karfis 2009, section 3.4 (sources/epipolar.md#relative-orientation, with its misprint in M corrected); Baarda
 1968 for reliability.
 """
 

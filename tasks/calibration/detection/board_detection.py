@@ -10,8 +10,8 @@ A candidate is then tested: the squares around every corner must alternate (else
 beyond the outer corners (else the board is larger than stated). Numbering is made unique: seen from the front, x along the columns,
 y along the rows, counter-clockwise, and the first square black.
 
-NORMALIZE_IMAGE is not used, as it loses boards (methods/measured.md). Nor is ACCURACY: it searches an enlarged image, which takes
-three times as long, for corners that are refined in the full image anyway.
+NORMALIZE_IMAGE is not used, as it loses boards (sources/measured.md#chessboards). Nor is ACCURACY: it searches an enlarged image,
+which takes three times as long, for corners that are refined in the full image anyway.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 Image coordinates are px from the image centre, y up. A homography is normalised to h33 = 1.
 
-Source: Kawka 2021, S3, S5 and S6 (methods/calibration.md); Hartley 1997 for the normalisation.
+Source: Kawka 2021, S3, S5 and S6 (sources/calibration.md); Hartley 1997 for the normalisation.
 """
 
 import numpy as np

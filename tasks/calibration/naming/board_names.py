@@ -14,7 +14,7 @@ name at least two others; then all photos are named again with the complete map.
 The board of a photo that shows a single one cannot be identified, and need not be: all boards are equal, and its exterior
 orientation is its own in any case.
 
-Source: Kawka 2021, S2 and S4, where boards are matched by principal axes (methods/calibration.md).
+Source: Kawka 2021, S2 and S4, where boards are matched by principal axes (sources/calibration.md).
 """
 
 from dataclasses import dataclass, replace

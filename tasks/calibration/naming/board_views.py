@@ -8,7 +8,7 @@ of distortion.
 A projection takes points (X, Y, Z, 1) of the map to image coordinates times their third component, which is negative in front of
 the camera. A place is a (4, 4) rigid motion from a board's own system into the map.
 
-Source: Kawka 2021, S3, S5 and S6 (methods/calibration.md); Kabsch 1976 for the poses.
+Source: Kawka 2021, S3, S5 and S6 (sources/calibration.md); Kabsch 1976 for the poses.
 """
 
 from dataclasses import dataclass, replace

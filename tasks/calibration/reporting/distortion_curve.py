@@ -3,7 +3,7 @@
 c and radial distortion are interchangeable to first order. Of all such pairs, the balanced one has the smallest integral of the
 squared displacement from the centre to the given radius. Only for reports: the camera itself stays as adjusted.
 
-Source: Kawka 2021, S13, with the factor 2 of the mixed term corrected (methods/calibration.md).
+Source: Kawka 2021, S13, with the factor 2 of the mixed term corrected (sources/calibration.md).
 """
 
 import numpy as np

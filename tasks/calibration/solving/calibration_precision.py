@@ -67,7 +67,7 @@ def _to_angles(R: np.ndarray) -> np.ndarray:
 
 
 def correlations(result: BoardAdjustment) -> Correlations:
-    """Interior against exterior orientation, boards and the other interior parameters (S12)."""
+    """Interior against exterior orientation, boards and the other interior parameters (S12 of sources/calibration.md)."""
     # The root mean square over photos, not the mean: correlations of opposite sign would cancel, and a camera turned by 180 degrees
     # changes the sign of most of them.
     own = result.network.interior_columns

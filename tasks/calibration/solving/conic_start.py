@@ -3,7 +3,7 @@
 Noise shifts the principal point of homographies too much for it to start from (the published conclusion, which the benchmark of
 starts repeats), so that a calibration takes only the mean camera constant, and only where the other two constants lead nowhere.
 
-Source: Zhang 2000, in Kawka 2021, S7 (methods/calibration.md, with its corrections).
+Source: Zhang 2000, in Kawka 2021, S7 (sources/calibration.md, with its corrections).
 """
 
 from typing import NamedTuple

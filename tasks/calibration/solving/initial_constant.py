@@ -5,7 +5,7 @@ of both are taken after one rejection of values beyond their spread, and the one
 looks straight down both are quotients of two values near zero: it is left out. (2) The image of the absolute conic with one
 unknown, 1 / c^2, in one least-squares fit over all photos, where such photos have no weight by themselves.
 
-Source: Kawka 2021, S7 and S8, equations 3.24 and 3.27 (methods/calibration.md); Zhang 2000.
+Source: Kawka 2021, S7 and S8, equations 3.24 and 3.27 (sources/calibration.md); Zhang 2000.
 """
 
 from dataclasses import dataclass

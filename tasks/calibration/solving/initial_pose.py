@@ -1,6 +1,6 @@
 """The exterior orientation of a photo from its projection of the boards and the camera constant.
 
-Source: Kawka 2021, S10, with signs for image coordinates with y up (methods/calibration.md).
+Source: Kawka 2021, S10, with signs for image coordinates with y up (sources/calibration.md).
 """
 
 import numpy as np

@@ -4,7 +4,7 @@ The camera constant comes from the homographies, in three ways; principal point 
 ignore distortion, so that with a wide lens, or photos that look straight down, the constant may be far off: the adjustment is then
 started from other constants as well, and the solution with the smallest residuals is used.
 
-Source: Kawka 2021, S8 to S11 (methods/calibration.md).
+Source: Kawka 2021, S8 to S11 (sources/calibration.md).
 """
 
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
 """What guided densification is asked to do, and its levels.
 
-Source: Karfis 2009, chapter 7 (methods/relative_orientation_and_epipolar.md 1.14 to 1.20).
+Source: Karfis 2009, chapter 7 (sources/epipolar.md#row-band to #per-pixel).
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 A pixel whose template has little entropy is left out: on a blank roof a high correlation may well be wrong.
 
-Source: Karfis 2009, section 7.5 (methods/relative_orientation_and_epipolar.md 1.20, check 21).
+Source: Karfis 2009, section 7.5 (sources/epipolar.md#per-pixel), check 21.
 """
 
 from collections.abc import Iterator

@@ -2,7 +2,7 @@
 
 Every cell is shown as a small picture of its ground, as the best photograph of the block shows it, with a marker in its middle.
 
-Source: methods/vertical_line_locus.md V1, step 8.
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1-8).
 """
 
 from collections.abc import Sequence

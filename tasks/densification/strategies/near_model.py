@@ -4,7 +4,7 @@ Strategy. The left ray of a node meets the model (monoplotting); the heights tha
 lie from the model are put on the same ray, and their parallaxes bound the starts. So the range of a node is that of its place, and
 not that of the whole pair.
 
-Source: Karfis 2009, 6.4 (methods/relative_orientation_and_epipolar.md 1.16).
+Source: Karfis 2009, 6.4 (sources/epipolar.md#column-interval).
 """
 
 from collections.abc import Iterator

@@ -3,7 +3,7 @@
 All of them match the nodes of the left epipolar image; where each one begins differs. None of them uses that homologous rows are
 known beyond bounding the search, so that the y-parallax of a match tells of its quality.
 
-Source: methods/matching_and_dsm_check.md 1.5 (region growing); matching_windows.md 2.8.1 (pyramids); measured.md (cascade).
+Source: Skarlatos (sources/matching.md#region-growing, #pyramids); sources/measured.md#windows (cascade).
 """
 
 from typing import Literal

@@ -12,7 +12,7 @@ Strategy
 
 Parallaxes here are column left - column right of the two rasters, px ("column parallax").
 
-Source: methods/relative_orientation_and_epipolar.md 1.13 to 1.18; measured.md.
+Source: Karfis 2009 (sources/epipolar.md#base-system to #levels); sources/measured.md#dense.
 """
 
 from dataclasses import dataclass

@@ -12,8 +12,8 @@ Strategy
 - A node that ends far from its start is refused: the start knows which of several similar places is meant.
 - Neighbours on one plane are joined (joined_nodes.py).
 
-Source: methods/matching_windows.md 2.1; relative_orientation_and_epipolar.md 1.18; Goldenshluger & Nemirovski 1997 (intersection of
-confidence intervals).
+Source: Skarlatos (sources/matching.md#least-squares); Karfis 2009 (sources/epipolar.md#levels); Goldenshluger & Nemirovski 1997
+(intersection of confidence intervals).
 """
 
 from typing import NamedTuple

@@ -9,7 +9,7 @@ Strategy
 - Between two adjustments the planes are fitted anew, each node weighted by its own precision: nodes of little texture follow their
   neighbours.
 
-The support is our own; see methods/relative_orientation_and_epipolar.md 1.18.
+The support is our own; see sources/epipolar.md#levels.
 """
 
 from typing import NamedTuple

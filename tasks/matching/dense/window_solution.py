@@ -8,7 +8,7 @@ Strategy
   gradient times residual (the *scores*) of nine parts of the window: with mere noise they scatter as the noise does; a surface that
   bends or breaks within the window, other radiometry and aliasing make them scatter more.
 
-Source: methods/matching_windows.md 2.1; Huber 1967 (variance from the scores).
+Source: Skarlatos (sources/matching.md#least-squares); Huber 1967 (variance from the scores).
 """
 
 from typing import NamedTuple

@@ -6,7 +6,7 @@ deviations of all windows come from running sums of whole numbers, which are exa
 
 A place beyond either end of the piece is looked at as well, and a maximum there is refused: the true one may lie farther out.
 
-Source: Karfis 2009, section 4.3.1 (methods/relative_orientation_and_epipolar.md 1.5, 1.16).
+Source: Karfis 2009, section 4.3.1 (sources/epipolar.md#correlation, #column-interval).
 """
 
 from typing import NamedTuple

@@ -7,7 +7,7 @@ interval. With X and Y kept, both images of the point would move, and the interv
 A model is a grid of posts that know how many points they stand for. Where the square holds too few points it is doubled, twice at
 most; then what the posts were closed with has to do.
 
-Source: Karfis 2009, sections 6.3 and 6.4 (methods/relative_orientation_and_epipolar.md 1.15, 1.16, check 17).
+Source: Karfis 2009, sections 6.3 and 6.4 (sources/epipolar.md#monoplotting, #column-interval), check 17.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ beyond the limit leave together, and the rest is tested again. Points with fewer
 Left as published: where a third of the neighbours is wrong the standard deviation is so large that nothing leaves. With the point
 itself among its neighbours a spike among fewer than eleven points can never be found, for (n - 1) / sqrt(n) stays below 3.
 
-Source: Karfis 2009, section 7.3 (methods/relative_orientation_and_epipolar.md 1.19, check 19).
+Source: Karfis 2009, section 7.3 (sources/epipolar.md#spikes), check 19.
 """
 
 from typing import Literal

@@ -11,8 +11,8 @@ Strategy
 - Gain and offset, where estimated, act on the right image (f = gain g + offset), starting from 1 and 0.
 - The covariance is the formal one of the adjustment: optimistic, as the sources say.
 
-Source: Skarlatos, PhD thesis, 2.7.4 to 2.7.7, 3.1.7, 4.2.4.2 (methods/matching_windows.md 2.1, rows 1 to 3;
-matching_and_dsm_check.md 1.3, 1.4).
+Source: Skarlatos, PhD thesis, 2.7.4 to 2.7.7, 3.1.7, 4.2.4.2 (sources/matching.md#least-squares,
+#window-shape).
 """
 
 from typing import NamedTuple

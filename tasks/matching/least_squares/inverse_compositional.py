@@ -2,12 +2,12 @@
 
 Strategy
 - Gradients and normal matrix belong to the left window alone (template.py): nothing is resampled before it is differentiated, which
-  is the weakness of the published recipe (methods/measured.md). With a square both are computed once per point, and an iteration
-  is one warp and a few sums. An ellipse takes its shape from the inverse, so both are recomputed in the first iterations.
+  is the weakness of the published recipe (sources/measured.md#windows). With a square both are computed once per point, and an
+  iteration is one warp and a few sums. An ellipse takes its shape from the inverse, so both are recomputed in the first iterations.
 - The right window is scaled to the contrast of the left one, so that a step has the right length before the gain is known.
 - The covariance accounts for correlated residuals (shift_precision.py).
 
-Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3); matching_and_dsm_check.md 1.3, 1.4.
+Source: Baker & Matthews 2004; Skarlatos (sources/matching.md#least-squares, #window-shape).
 """
 
 import numpy as np

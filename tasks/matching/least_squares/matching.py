@@ -8,7 +8,7 @@ Strategy
   in forward.py.
 - All positions inside the kernels are relative to integer pixels, so a point in a tile moves as it does in the whole image.
 
-Source: methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4.
+Source: Skarlatos (sources/matching.md#least-squares, #window-shape).
 """
 
 from dataclasses import dataclass

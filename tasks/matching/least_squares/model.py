@@ -3,7 +3,7 @@
 Strategy. Every choice of the literature is one field, so that the published recipe and the recommended one are two values of one
 type and what lies between them can be measured. Defaults are the recommended values; `published` gives those of the dissertation.
 
-Source: Skarlatos, PhD thesis (methods/matching_windows.md 2.1; matching_and_dsm_check.md 1.3, 1.4); methods/measured.md.
+Source: Skarlatos, PhD thesis (sources/matching.md#least-squares, #window-shape); sources/measured.md#windows.
 """
 
 import math

@@ -5,7 +5,7 @@ Strategy
 - Gain and offset are eliminated: the derivatives are made orthogonal to the window and to a constant by correcting the moments,
   which is equivalent to estimating both along with the geometric unknowns.
 
-Source: Baker & Matthews 2004; methods/matching_windows.md 2.1 (rows 1 to 3).
+Source: Baker & Matthews 2004; Skarlatos (sources/matching.md#least-squares).
 """
 
 from typing import NamedTuple

@@ -4,7 +4,7 @@ Strategy. Both shapes are convex, so a window is one span of columns per row and
 rule for an ellipse (the sum of the distances of a pixel's centre from both foci is less than the long axis) is equivalent to a
 quadratic form below 1, which has a closed solution per row.
 
-Source: Skarlatos, PhD thesis, 3.1.7 (methods/matching_and_dsm_check.md 1.4); the limit of the ratio of the axes is our own.
+Source: Skarlatos, PhD thesis, 3.1.7 (sources/matching.md#window-shape); the limit of the ratio of the axes is our own.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 Every choice that the publication leaves open is a setting.
 
-Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V1).
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1).
 """
 
 from math import ceil, floor, log2

@@ -4,7 +4,7 @@ Strategy. Heights are the start plus whole numbers of the finest spacing, so tha
 were compared before and need not compare them again. The precision of a height follows from the curvature of the correlation at its
 top and from the number of independent pixels: correlation falls by noise, and noise moves the top the less the sharper it is.
 
-Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V1); Foerstner 1982 (precision of a correlation's maximum).
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1); Foerstner 1982 (precision of a correlation's maximum).
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """In which order the nodes of a block are visited, and from which node each one gets its start.
 
-Every node is visited after the one that it starts from. Source: methods/vertical_line_locus.md V1, step 9 (the order is not
+Every node is visited after the one that it starts from. Source: sources/line_locus.md#v1-9 (the order is not
 printed).
 """
 

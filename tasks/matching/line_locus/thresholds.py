@@ -5,7 +5,7 @@ pass nearly anything (0.04 at 85 x 85). Pixels are not independent and the heigh
 counts the pixels that a window is worth (Bartlett: n over the sum of the products of both autocorrelations) and the heights that
 are really different, and tests with these. It is a table over that worth, so that kernels look it up.
 
-Source: Tumska, Procyk, Janczak (methods/vertical_line_locus.md V2, V3); Bartlett 1946; Sidak 1967.
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#v2, #v3); Bartlett 1946; Sidak 1967.
 """
 
 from typing import Annotated, Literal

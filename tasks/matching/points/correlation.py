@@ -9,7 +9,7 @@ Strategy
 - Matching back, from the place found, must return to the point: the best guard against repeated patterns in wide search areas.
 - The sub-pixel place is the peak of a paraboloid (sub_pixel.py); the fraction of a pixel of the left point is added.
 
-Source: methods/relative_orientation_and_epipolar.md 1.5 and 1.6; Karfis 2009; Lewis 1995 (integral images).
+Source: Karfis 2009 (sources/epipolar.md#correlation, #return); Lewis 1995 (integral images).
 """
 
 from dataclasses import dataclass

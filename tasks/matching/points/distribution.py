@@ -3,7 +3,7 @@
 Strategy: weakly textured fields must contribute points as well as richly textured roofs, or an orientation rests on the roofs
 alone. Cells lie on an absolute grid, so that the choice does not depend on tiles.
 
-Source: methods/relative_orientation_and_epipolar.md 1.3 (points must be well distributed); von Gruber 1924.
+Source: Karfis 2009 (sources/epipolar.md#interest-points: points must be well distributed); von Gruber 1924.
 """
 
 from typing import Annotated, Literal

@@ -12,7 +12,7 @@ Strategy
 - Pixels without data are NaN. They have no gradient, nor do their neighbours: the edge of a mask is no edge of the image.
 - The neighbourhood is bounded, so a tile with `reach` pixels around it gives what the whole image gives.
 
-Source: methods/relative_orientation_and_epipolar.md 1.3; Harris and Stephens 1988; Noble 1989; Foerstner and Guelch 1987.
+Source: Karfis 2009 (sources/epipolar.md#interest-points); Harris and Stephens 1988; Noble 1989; Foerstner and Guelch 1987.
 """
 
 from dataclasses import dataclass

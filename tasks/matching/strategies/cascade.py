@@ -11,7 +11,7 @@ Strategy
 
 For single points whose start is known to a few pixels: tie points, check points, nodes of a coarse surface.
 
-Source: methods/measured.md, window experiments.
+Source: sources/measured.md#windows.
 """
 
 import numpy as np

@@ -14,7 +14,7 @@ Strategy
 For surfaces that are mostly smooth, and for photographs whose orientation is not known. Roofs and walls are matched by `dense`,
 whose windows keep to one surface; growing from seeds (region_growing.py) is for ground of which only parts can be matched.
 
-Source: methods/matching_windows.md 2.8.1 (T5); measured.md, dense surface.
+Source: Skarlatos (sources/matching.md#pyramids); sources/measured.md#dense.
 """
 
 from collections.abc import Iterator

@@ -7,7 +7,7 @@ never gets worse. The lists of all priorities are linked in one table of success
 reached. Neighbours along the column are preferred because the shift across the base varies slowly, while parallax jumps with the
 relief.
 
-Source: methods/matching_and_dsm_check.md 1.5 (Otto & Chau 1989, as modified by Skarlatos).
+Source: Otto & Chau 1989, as modified by Skarlatos (sources/matching.md#region-growing).
 """
 
 from typing import NamedTuple

@@ -12,7 +12,7 @@ Strategy
 Compared with the pyramid, growing omits what cannot be matched instead of trying it on every level, and starts from the full affine
 of a neighbour; it needs seeds, and the nodes of a region are matched one after the other.
 
-Source: methods/matching_and_dsm_check.md 1.5; Otto & Chau 1989; Skarlatos.
+Source: Otto & Chau 1989; Skarlatos (sources/matching.md#region-growing).
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,7 @@
 Strategy: the *last limit* of a point is the highest at which one of its windows would still be accepted; it is infinite where
 another rule of the method accepts a window anyway, and -infinity where no limit does. A limit gives windows to the points whose
 last limit is above it, so the limit sought is a quantile. Limits depend on texture and contrast, so that a share is often easier to
-state than a limit (methods/measured.md).
+state than a limit (sources/measured.md#calibrated-limits).
 """
 
 import math

@@ -5,7 +5,7 @@ largest one alone. The sums are integers (entropy: integer multiples of 2^-40), 
 in. Images are int16 grey levels 0 to 255, -1 without data. Each measure has one row per point and one column per size, the first
 column being the size before the smallest, for rules that compare with it; NaN where a window does not fit.
 
-Source: methods/matching_windows.md 2.2 (rows 5 to 7).
+Source: Skarlatos (sources/matching.md#statistics, #entropy, #foerstner).
 """
 
 from typing import NamedTuple

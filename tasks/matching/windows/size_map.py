@@ -3,7 +3,7 @@
 Strategy: a tile is read with a halo of the largest window, and every pixel of its core is a point. A window that exceeds the halo
 would leave the image, so a tile gives what the whole image gives.
 
-Source: methods/matching_windows.md 2.2 (row 8).
+Source: Skarlatos (sources/matching.md#size-map).
 """
 
 import numpy as np

@@ -8,7 +8,7 @@ grey levels of 8 bits.
 Which to choose: Foerstner's weight is the expected precision of the match and gives the best matches; entropy is closest to an
 operator's choice; the statistical rules follow single outlying pixels and are included for comparison.
 
-Source: methods/matching_windows.md 2.2 (rows 5 to 8); matching_and_dsm_check.md 1.2; Skarlatos.
+Source: Skarlatos (sources/matching.md#window-size).
 """
 
 from dataclasses import dataclass

@@ -8,8 +8,8 @@ have put the diapositives into the instrument.
 Standard errors from the tie points are those of a known camera, as published. Those from the block hold the errors of its camera as
 well: where the camera is poorly determined, they are larger, for an error of the principal point is one of the relative tilt.
 
-Source: Karfis 2009, sections 3.3 and 3.4 (methods/relative_orientation_and_epipolar.md, 1.8 and 1.9); tables 4.15 to 4.17 of the
-dissertation (methods/matching_and_dsm_check.md).
+Source: Karfis 2009, sections 3.3 and 3.4 (sources/epipolar.md#relative-orientation, #rejection); Skarlatos, tables
+4.15 and 4.17 (sources/surface_check.md#table-4-15, #table-4-17).
 """
 
 from collections.abc import Callable

@@ -5,8 +5,8 @@
 right one (omega of the left one is 0). Both parametrise the same five degrees of freedom and start at zero.
 
 Image coordinates are ideal (no distortion), px, origin at the principal point, y up, as rows (x_left, y_left, x_right, y_right).
-Sources: Karfis 2009, section 3.3 (methods/relative_orientation_and_epipolar.md, 1.8); the dissertation's section 4.3.5
-(methods/matching_and_dsm_check.md, 1.11, equations 4.17 and 4.18).
+Sources: Karfis 2009, section 3.3 (sources/epipolar.md#relative-orientation); Skarlatos, section 4.3.5
+(sources/surface_check.md#relative-orientation), equations 4.17 and 4.18.
 """
 
 from collections.abc import Callable
@@ -167,7 +167,7 @@ def five_rotation_form(base: np.ndarray, rotation: np.ndarray, c_left: float, c_
 def smallest_rotation(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """The smallest rotation (3, 3) that takes the unit vector `first` (3,) to `second`, which must not be its opposite.
 
-    Source: McGlone; methods/matching_and_dsm_check.md, 1.11, equation 4.18.
+    Source: McGlone, in Skarlatos (sources/surface_check.md#relative-orientation), equation 4.18.
     """
     both = first + second
     return np.eye(3) + 2.0 * np.outer(second, first) - np.outer(both, both) / (1.0 + first @ second)

@@ -6,7 +6,7 @@ vector and the rotation as a matrix, both corrected on their manifolds; with a r
 pair, also where most matches are wrong.
 
 Image coordinates are ideal (no distortion), px, origin at the principal point, y up, as rows (x_left, y_left, x_right, y_right).
-Source: Karfis 2009, sections 3.3 and 3.4 (methods/relative_orientation_and_epipolar.md, 1.8 and 1.9); Nister 2004 for the
+Source: Karfis 2009, sections 3.3 and 3.4 (sources/epipolar.md#relative-orientation, #rejection); Nister 2004 for the
 five-point start.
 """
 
@@ -81,7 +81,7 @@ def orient_dependent(observations: np.ndarray, c_left: float, c_right: float, li
     one at a time.
 
     It fails with many blunders: 118 wrong matches in 154 inflate sigma0 until none exceeds the limit. `orient_robust` does not.
-    Raises GeometryError as `solve_mixed`. Source: Karfis 2009, section 3.4 (methods page, 1.9; acceptance checks 8, 9 and 11).
+    Raises GeometryError as `solve_mixed`. Source: Karfis 2009, section 3.4 (sources/epipolar.md#rejection), checks 8, 9 and 11.
     """
     kept = np.ones(len(observations), bool)
     model = DependentOrientation(c_left, c_right)

@@ -2,7 +2,7 @@
 
 Every section is made of half-spaces, which triangles are clipped against; the parts keep the number of their triangle.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M15), for any plane instead of a depth.
+Source: Petsa et al. 2007 (sources/blending.md, M15), for any plane instead of a depth.
 """
 
 from typing import Annotated, Literal

@@ -7,7 +7,7 @@ specks smaller than a number of pixels are removed before, by their connected co
 
 How much mesh and orientation are worth nobody knows beforehand: several widths are drawn, and `width_trials.py` finds the best one.
 
-Source: Petsa et al. 2007 (methods/texture_blending.md, M10).
+Source: Petsa et al. 2007 (sources/blending.md, M10).
 """
 
 from collections.abc import Iterator

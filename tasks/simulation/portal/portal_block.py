@@ -1,6 +1,6 @@
 """The seven photographs of the portal and their camera, after the first application of Petsa et al. (2007).
 
-Camera: that of Table 1 (methods/texture_blending.md, A3), 2592 x 1944 px. Its polynomial is taken as what is added to the ideal
+Camera: that of Table 1 (sources/blending.md#table-1), 2592 x 1944 px. Its polynomial is taken as what is added to the ideal
 radius to give the observed one: the sign that makes k1 < 0 the barrel distortion that cameras of its kind have. Photographs are
 taken from the ground, 6 to 8 m away, two of them upright; the facade is turned in plan, so that no axis of the system is along it.
 """

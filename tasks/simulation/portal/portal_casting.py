@@ -1,6 +1,6 @@
 """Ray casting against a mesh: triangles sorted into the cells of a projection, each ray against those of its cell.
 
-The look-up by bounding boxes in a grid of cells (methods/texture_blending.md, M2a): slower than scanline conversion, but a ray may
+The look-up by bounding boxes in a grid of cells (sources/blending.md, M2a): slower than scanline conversion, but a ray may
 pass anywhere and is met exactly. It shares no code with what the photographs are projected with later.
 
 A ray meets the nearest triangle; of two that are equally near the one with the lower number, so that the order of cells is nothing.

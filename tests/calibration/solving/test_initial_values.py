@@ -111,7 +111,7 @@ PUBLISHED = {
         (4910.55, 117.69, 226.86),
     ),
 }
-"""c1 and c2 of every photo, and the chosen constant with both spreads (Kawka 2021, tables 3-1 to 3-6)."""
+"""c1 and c2 of every photo, and the chosen constant with both spreads (sources/calibration.md#table-3-1, tables 3-1 to 3-6)."""
 
 
 @pytest.mark.parametrize("name", PUBLISHED)

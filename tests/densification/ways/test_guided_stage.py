@@ -98,7 +98,7 @@ def test_the_surface_is_the_true_one_and_its_standard_errors_hold(seen, engine):
 
 
 def test_points_grow_in_number_as_thresholds_fall(engine):
-    """Acceptance check 20: published 1007 to 14325 points over seven levels."""
+    """Check 20 of sources/epipolar.md: published 1007 to 14325 points over seven levels."""
     rows = counts(engine)
     assert [row[1] for row in rows] == [2000.0, 1000.0, 400.0, 150.0, 150.0] and [row[2] for row in rows] == [2, 2, 2, 2, 1]
     kept = [row[5] for row in rows]
@@ -107,14 +107,14 @@ def test_points_grow_in_number_as_thresholds_fall(engine):
 
 
 def test_the_same_points_on_a_denser_guide_gain_little(seen, engine):
-    """Acceptance check 20: levels 4 and 5 of the publication have the same 4414 points."""
+    """Check 20: levels 4 and 5 of the publication have the same 4414 points."""
     again = run(seen, GUIDED.model_copy(update={"thresholds": (2000.0, 1000.0, 400.0, 150.0, 149.99)}))
     before, after = counts(engine)[3], counts(again)[4]
     assert after[3] == pytest.approx(before[3], rel=0.01) and after[5] == pytest.approx(before[5], rel=0.06)
 
 
 def test_nothing_is_matched_on_a_blank_place(seen):
-    """Acceptance check 21, limit 4 by default: the pond has no texture but noise; with the mask nothing is matched there."""
+    """Check 21, limit 4 by default: the pond has no texture but noise; with the mask nothing is matched there."""
     assert PixelPass().min_entropy == 4.0 and PixelPass().correlation.template == 9
     outcome = run(seen, GUIDED.model_copy(update={"pixels": PixelPass(correlation=_LAX)})).rasters[outcome_raster("a-b")]
     blank = ndimage.binary_erosion(seen[1].blank, iterations=6)[::2, ::2]
@@ -126,7 +126,7 @@ def test_nothing_is_matched_on_a_blank_place(seen):
 
 
 def test_end_to_end_heights_are_within_the_published_bands(seen, engine):
-    """Acceptance check 23: 80 % within 3 sigma_dZ, 2 % beyond 10, RMS / sigma_dZ of 3.4 at most; sigma of one pixel of parallax."""
+    """Check 23: 80 % within 3 sigma_dZ, 2 % beyond 10, RMS / sigma_dZ of 3.4 at most; sigma of one pixel of parallax."""
     pair = seen[1].pair
     metres = pair.left_centre[2] ** 2 / (pair.base * pair.c)
     rough, dense = cloud_of(engine, 4), np.argwhere(np.isfinite(node_errors(seen, engine)))
@@ -139,7 +139,7 @@ def test_end_to_end_heights_are_within_the_published_bands(seen, engine):
 
 
 def test_a_guide_saves_candidates_and_false_matches(seen, engine, blind):
-    """Acceptance check 24: the same pair searched along the whole epipolar line."""
+    """Check 24: the same pair searched along the whole epipolar line."""
     guided, along = (np.array([(row[3], row[4], row[6]) for row in counts(each)]) for each in (engine, blind))
     assert np.array_equal(guided[:, 0], along[:, 0])
     assert (guided[:, 2] < 0.6 * along[:, 2]).all()

@@ -82,7 +82,7 @@ def test_two_photographs_are_one_pair_and_what_was_rejected_is_an_estimate(engin
 
 
 def test_accepted_and_rejected_nodes_make_the_whole_grid_in_file_map_and_report(engine):
-    """B-10: accepted nodes are written and black, rejected ones white, and together they are all nodes."""
+    """B-10 of sources/line_locus.md: accepted nodes are written and black, rejected ones white, and together they are all nodes."""
     outcome, nodes, markers = (engine.rasters[name] for name in (LINE_OUTCOME, LINE_NODES, MARKERS))
     factor = markers.shape[0] // outcome.shape[0]
     middle = markers[factor // 2 :: factor, factor // 2 :: factor]

@@ -1,4 +1,4 @@
-"""The published interval of columns: heights of a square put on the same left ray (acceptance check 17)."""
+"""The published interval of columns: heights of a square put on the same left ray (check 17 of sources/epipolar.md)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The published removal of spikes (acceptance check 19)."""
+"""The published removal of spikes (check 19 of sources/epipolar.md)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The published study of vertical line locus: its grid, and tables whose counts are those of the grid."""
+"""The published study of vertical line locus (sources/line_locus.md): its grid, and tables whose counts are those of the grid."""
 
 import numpy as np
 import pytest

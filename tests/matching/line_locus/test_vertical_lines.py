@@ -1,5 +1,5 @@
 """The search on vertical lines: against a plain twin, on level and sloping ground, and every choice that the publication leaves
-open."""
+open (sources/line_locus.md)."""
 
 import numpy as np
 import pytest

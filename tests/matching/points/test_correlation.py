@@ -100,7 +100,7 @@ def test_matching_back_rejects_what_is_seen_once_only():
 
 
 def test_matching_back_leaves_fewer_wrong_matches_on_a_periodic_texture():
-    """Check 6 of the method page: nearly the same pattern every 20 px, searched over five periods."""
+    """Check 6 of sources/epipolar.md: nearly the same pattern every 20 px, searched over five periods."""
     periodic = np.tile(texture(3, (20, 20), 1.0), (8, 9)) + 0.08 * (texture(4) - 120.0)
     left, right = (periodic + np.random.default_rng(seed).normal(0, 6.0, periodic.shape) for seed in (0, 1))
     right = moved(right, 3.0, -2.0)

@@ -37,7 +37,7 @@ def _series(*lines: str) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(number) for number in line.split()) for line in lines)
 
 
-# Mean, standard deviation, range and entropy of five published samples, windows of 5 x 5 to 35 x 35 (matching_windows.md 4.2)
+# Mean, standard deviation, range and entropy of five published samples, windows of 5 x 5 to 35 x 35 (sources/matching.md#samples)
 SAMPLES = {
     1: _series(
         "174.92 167.35 156.99 149.13 143.72 139.53 135.67 132.47 130.61 128.84 126.37 125.04 125.11 125.04 124.66 124.37",

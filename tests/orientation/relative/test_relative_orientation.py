@@ -1,4 +1,4 @@
-"""Acceptance checks 8 to 11 of the methods page, and the robust start."""
+"""Checks 8 to 11 of sources/epipolar.md, and the robust start."""
 
 import numpy as np
 import pytest
