@@ -11,7 +11,6 @@ Everything is loaded when it is first asked for, so that importing the package c
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -41,12 +40,13 @@ _PLACES = {
     "SurfaceCheck": ("surface_check", "SurfaceCheck"),
 }
 
+__version__ = "0.2.0"
+"""the only place of the version: the distribution (pyproject.toml), the command and the records of runs read it here"""
+
 __all__ = [*_PLACES]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        return version("orthomill")
     if name not in _PLACES:
         raise AttributeError(f"orthomill has no '{name}'; it has {', '.join(__all__)}")
     module, attribute = _PLACES[name]

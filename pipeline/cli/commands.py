@@ -9,7 +9,6 @@ import json
 import sys
 import webbrowser
 from collections import ChainMap
-from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +17,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table as Lines
 
+from orthomill import __version__
 from orthomill.pipeline.cli import check_surface as checking
 from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow, print_calibration
 from orthomill.pipeline.cli.check_surface import BlockOf, CheckedFile, CrsOf, Fill, PhotosOf, ProjectOf, RemoveShift, SystemOf
@@ -79,7 +79,7 @@ RasterName = Annotated[
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        out.print(version("orthomill"))
+        out.print(__version__)
         raise typer.Exit
 
 

@@ -18,6 +18,7 @@ from typing import Protocol
 
 import psutil
 
+from orthomill import __version__
 from orthomill.pipeline.engine.foresight import Foresight, photograph_pixels
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_asked
@@ -176,7 +177,7 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
         project=loaded.project.project,
         crs=loaded.project.crs,
         tolerances=loaded.project.tolerances,
-        version=version("orthomill"),
+        version=__version__,
         started=now(),
         pixels=photograph_pixels(session),
         tile=session.project.tile,

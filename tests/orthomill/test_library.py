@@ -46,8 +46,14 @@ def surface(oriented) -> xr.DataArray:
 
 
 def test_the_version_is_that_of_the_package():
-    declared = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["version"]
-    assert orthomill.__version__ == declared
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
+    assert "version" in project["project"]["dynamic"]
+    assert project["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "orthomill.__version__"}
+
+
+def test_the_changelog_knows_the_version():
+    headings = [line for line in (Path(__file__).parents[2] / "CHANGELOG.md").read_text().splitlines() if line.startswith("## ")]
+    assert headings[0] == "## Unreleased" and headings[1].split()[1] == orthomill.__version__
 
 
 def test_what_the_library_has_can_be_listed_and_nothing_else_is_there():

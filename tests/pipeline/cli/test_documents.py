@@ -1,13 +1,13 @@
 """What the pages of docs/ say of codes, formulae and files is what the code does."""
 
 import re
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from orthomill import __version__
 from orthomill.pipeline.cli.commands import app
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.outcome import Outcome
@@ -67,4 +67,4 @@ def test_links_lead_somewhere(page):
 
 def test_the_command_tells_its_version():
     answer = CliRunner().invoke(app, ["--version"])
-    assert answer.exit_code == 0 and answer.output.strip() == version("orthomill")
+    assert answer.exit_code == 0 and answer.output.strip() == __version__
