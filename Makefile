@@ -10,7 +10,7 @@ photos ?=
 options ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types links format bench bench-rtk-flight bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types format bench bench-rtk-flight bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -65,13 +65,8 @@ lint: $(STAMP) types ## Check style, format and types
 	@$(BIN)/ruff check $(CODE)
 	@$(BIN)/ruff format --check --quiet $(CODE) || (echo "run 'make format'"; exit 1)
 
-# Type checker and documentation do not know that these folders are one package (pyproject.toml): links bring it together for them.
-links:
-	@mkdir -p .cache/types/orthomill
-	@for part in $(wildcard orthomill/*.py) pipeline tasks schemas; do ln -sfn ../../../$$part .cache/types/orthomill/; done
-
-types: $(STAMP) links ## Check types
-	@cd .cache/types && ../../$(BIN)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache -p orthomill
+types: $(STAMP) ## Check types
+	@$(BIN)/mypy -p orthomill
 
 format: $(STAMP) ## Format the code and mend what the linter can mend
 	@$(BIN)/ruff check --fix $(CODE)
@@ -161,7 +156,7 @@ bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (o
 chaos: $(STAMP) ## Kill runs in every way, damage stores, compare bit for bit (options="--kills 100 --damages 200 --seed 0")
 	@$(BIN)/python -m benchmarks.trust.chaos $(options)
 
-docs: $(STAMP) links ## Write the generated pages of docs/ and the documentation site to .cache/site
+docs: $(STAMP) ## Write the generated pages of docs/ and the documentation site to .cache/site
 	@$(BIN)/orthomill reference
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo ".cache/site/index.html"

@@ -11,6 +11,7 @@ Everything is loaded when it is first asked for, so that importing the package c
 """
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -44,6 +45,12 @@ __version__ = "0.2.0"
 """the only place of the version: the distribution (pyproject.toml), the command and the records of runs read it here"""
 
 __all__ = [*_PLACES]
+
+if (Path(__file__).parent / "tasks").is_file():  # what git writes where it may not make links
+    raise ImportError(
+        "orthomill/tasks, schemas and pipeline are links in git, and this checkout has files of text in their place: "
+        "type 'git config core.symlinks true', then 'git checkout -- orthomill', on a file system that knows links"
+    )
 
 
 def __getattr__(name: str) -> Any:

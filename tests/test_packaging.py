@@ -1,10 +1,10 @@
 """The package as it is installed: one name at the top of site-packages, whatever lies in the user's folder."""
 
+import json
 import os
 import subprocess
 import sys
 import sysconfig
-import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -16,14 +16,33 @@ FOLDERS = ("orthomill", "pipeline", "schemas", "tasks")
 INTRUDER = 'raise ImportError("a file of the user was taken for a part of orthomill")\n'
 
 
-def declared() -> list[str]:
-    return tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory) -> Path:
+    """What somebody has after `git clone` and nothing else."""
+    place = tmp_path_factory.mktemp("clone") / "orthomill"
+    subprocess.run(["git", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(place)], check=True, timeout=300)
+    return place
 
 
-def test_every_folder_of_modules_is_a_declared_package():
-    found = {path.parent.relative_to(ROOT) for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")}
-    names = {"orthomill" if path == Path("orthomill") else f"orthomill.{'.'.join(path.parts)}" for path in found}
-    assert sorted(declared()) == sorted(names)
+def test_an_editor_resolves_our_imports_in_a_fresh_clone(clone):
+    """Without any installation: our own modules are found, and what is defined in them is known."""
+    files = ("tasks/densification/matching_block.py", "pipeline/workflow/mistakes.py", "orthomill/photograph_matching.py")
+    command = [str(Path(sys.executable).parent / "basedpyright"), "--outputjson", *files]
+    said = subprocess.run(command, cwd=clone, capture_output=True, text=True, timeout=300)
+    answer = json.loads(said.stdout)
+    assert answer["summary"]["filesAnalyzed"] == len(files)
+    unresolved = [entry["message"] for entry in answer["generalDiagnostics"] if "orthomill" in entry["message"]]
+    assert not unresolved
+
+
+def test_a_clone_without_links_says_what_to_do(tmp_path):
+    command = ["git", "-c", "core.symlinks=false", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(tmp_path / "clone")]
+    subprocess.run(command, check=True, timeout=300)
+    said = subprocess.run(
+        [sys.executable, "-c", "import orthomill"], cwd=tmp_path / "clone", capture_output=True, text=True, timeout=60
+    )
+    assert said.returncode == 1
+    assert "git config core.symlinks true" in said.stderr.splitlines()[-1]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +63,7 @@ def test_the_wheel_brings_one_name_and_all_that_is_no_code(wheel):
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"orthomill"}
     assert {"orthomill/pipeline/report/templates/report.html", "orthomill/tasks/simulation/textures/village.jpg"} <= set(names)
     modules = {name for name in names if name.endswith(".py")}
-    assert len(modules) == sum(1 for folder in FOLDERS for _ in (ROOT / folder).rglob("*.py"))
+    assert len(modules) == len({path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")})
 
 
 @pytest.fixture(scope="module")
