@@ -1,48 +1,121 @@
-"""The picture of the README from a finished run: `python -m benchmarks.readme_picture runs/volos docs/pictures/volos.png`.
+"""The picture of the README from a finished run: `python -m benchmarks.readme_picture runs/brighton docs/pictures/brighton.jpg`.
 
-Surface, its check, coverage and orthoimage side by side, drawn by the report's own painters.
+Orthoimage, surface, origin of the heights and check side by side, drawn by the report's own painters, each with its caption and its
+legend. Pale is what has no value. All four show the same ground: what the orthoimage covers.
 """
 
 import base64
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from orthomill.pipeline.report.pictures import draw
+from orthomill.pipeline.report.overview import overview
+from orthomill.pipeline.report.pictures import HATCH, ClassEntry, ColourBar, Drawing, draw
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.stage_report import Picture, StageReport, report_table
 
-SHOWN = ("densification/height", "dsm_check/dh", "texture/coverage", "texture/ortho")
-SIDE = 620
-GAP = 12
+SIDE = 1000
+"""longest side of a drawing before it is cut to the ground that is shown, px"""
+WIDTH, GAP = 12.0, 0.3
+ABOVE, BELOW = 0.6, 1.05
+"""width of the sheet and between panels, and heights of their texts, inches of 100 px"""
+NOTHING = "#000000"
+"""the colour of the class that has no value"""
+SEEN = 0.5
+"""% of the ground: classes with less are not in a legend"""
 
 
-def drawn(store: Store, raster: str) -> np.ndarray:
-    """The picture of a raster as its stage shows it in the report, (rows, cols, 3) BGR."""
+@dataclass(frozen=True)
+class Panel:
+    """A raster and what is said of it."""
+
+    raster: str
+    title: str
+    caption: str
+
+
+PANELS = (
+    Panel("texture/ortho", "True orthoimage", "Every cell from photographs that see it; pale where none does"),
+    Panel("densification/height", "Surface model", "Heights (m), shaded; trees and roofs included"),
+    Panel("densification/provenance", "How each height was obtained", "A code for every cell, beside its standard error"),
+    Panel("dsm_check/dh", "Check without reference data", "Correction (m) that the photographs demand; pale where not judged"),
+)
+
+
+def picture_of(store: Store, raster: str) -> Picture:
+    """The picture of a raster as its stage shows it in the report."""
     report: StageReport = store.table(report_table(raster.split("/")[0]))
-    picture: Picture = next(picture for picture in report.pictures if picture.raster == raster)
-    encoded = draw(store, picture, SIDE).uri.split(",")[1]
-    image = cv2.imdecode(np.frombuffer(base64.b64decode(encoded), np.uint8), cv2.IMREAD_UNCHANGED)
-    if image.shape[2] == 3:
-        return image
-    share = image[..., 3:] / 255.0
-    return (image[..., :3] * share + 255 * (1 - share)).astype(np.uint8)
+    return next(picture for picture in report.pictures if picture.raster == raster)
+
+
+def pixels(drawing: Drawing) -> np.ndarray:
+    """uint8 (rows, cols, 3) RGB of a drawing; classes without a value are pale as everything else without one."""
+    encoded = np.frombuffer(base64.b64decode(drawing.uri.split(",")[1]), np.uint8)
+    image = cv2.cvtColor(cv2.imdecode(encoded, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    if drawing.classes:
+        image[(image == 0).all(2)] = HATCH[0]
+    return image
+
+
+def covered(store: Store) -> tuple[slice, slice]:
+    """Rows and columns of a drawing between which the orthoimage has colours."""
+    share = overview(store, "texture/ortho", SIDE, nearest=False).share > 0
+    rows, cols = np.flatnonzero(share.any(1)), np.flatnonzero(share.any(0))
+    return slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
+
+
+def explain(axes: Axes, drawing: Drawing) -> None:
+    """The legend below a panel: a bar of colours, or the classes that occur, most frequent first."""
+    if drawing.bar:
+        _colour_bar(axes, drawing.bar)
+    elif drawing.classes:
+        _classes(axes, drawing.classes)
+
+
+def _colour_bar(axes: Axes, bar: ColourBar) -> None:
+    colours = ScalarMappable(Normalize(bar.low, bar.high), LinearSegmentedColormap.from_list("bar", bar.colours))
+    place = axes.inset_axes((0, -0.05, 0.6, 0.025))
+    axes.figure.colorbar(colours, cax=place, orientation="horizontal").ax.tick_params(labelsize=9)
+
+
+def _classes(axes: Axes, classes: tuple[ClassEntry, ...]) -> None:
+    shown = sorted((entry for entry in classes if entry.share >= SEEN and entry.colour != NOTHING), key=lambda entry: -entry.share)
+    handles = [Patch(color=entry.colour, label=entry.meaning) for entry in shown]
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 0), frameon=False, fontsize=9, borderaxespad=0.2, borderpad=0)
+
+
+def sheet(store: Store) -> Figure:
+    """Four panels, two beside each other."""
+    rows, cols = covered(store)
+    width = (WIDTH - GAP) / 2
+    height = width * (rows.stop - rows.start) / (cols.stop - cols.start)
+    total = 2 * (height + ABOVE + BELOW)
+    figure = Figure((WIDTH, total), dpi=100, facecolor="white")
+    for number, panel in enumerate(PANELS):
+        drawing = draw(store, picture_of(store, panel.raster), SIDE)
+        left, bottom = number % 2 * (width + GAP), total / 2 * (1 - number // 2) + BELOW
+        axes = figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total))
+        axes.imshow(pixels(drawing)[rows, cols], interpolation="lanczos")
+        axes.set_axis_off()
+        axes.annotate(panel.title, (0, 1), (2, 23), "axes fraction", "offset points", fontsize=13, weight="bold")
+        axes.annotate(panel.caption, (0, 1), (2, 7), "axes fraction", "offset points", fontsize=10, color="#444444")
+        explain(axes, drawing)
+    return figure
 
 
 def main() -> None:
-    """Draw, put side by side, write."""
-    store = Store(Path(sys.argv[1]))
-    images = [drawn(store, raster) for raster in SHOWN]
-    height, width = max(image.shape[0] for image in images), max(image.shape[1] for image in images)
-    sheet = np.full((2 * height + GAP, 2 * width + GAP, 3), 255, np.uint8)
-    for number, image in enumerate(images):
-        row, col = number // 2 * (height + GAP), number % 2 * (width + GAP)
-        sheet[row : row + image.shape[0], col : col + image.shape[1]] = image
+    """Draw and write."""
     target = Path(sys.argv[2])
     target.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(target), sheet, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    sheet(Store(Path(sys.argv[1]))).savefig(target, pil_kwargs={"optimize": True, "quality": 88})
 
 
 if __name__ == "__main__":
