@@ -28,9 +28,9 @@ from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window
 from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.tasks.colouring.colour_settings import Balance, BlockBalance, NoBalance
 from orthomill.tasks.evaluation.classes import place_classes
 from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoScene, fit_grey, fitted, grey_sums, shifts
-from orthomill.tasks.imagery.colour_settings import Balance, BlockBalance, NoBalance
 from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.draping import block_heights, drape
 from orthomill.tasks.texture.report import COVERAGE

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery")
+SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery", "colouring")
 CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
 CROWD = 16
 STAGES = (
@@ -174,7 +174,7 @@ def test_nobody_meets_two_classes_of_one_name():
     nobody(name for name, times in names.items() if times > 1)
 
 
-ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/orientation")
+ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/colouring", "tasks/orientation")
 PIPELINE_ROOMS = (
     "storage",
     "records",

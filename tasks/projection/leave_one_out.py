@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, corrected
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, corrected
 
 RIM = 3
 """px next to what is not covered that take no part: their neighbours are not known"""

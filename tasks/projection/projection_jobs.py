@@ -17,25 +17,9 @@ from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import AnyFrame, FlatFrame, ViewFrame
-from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, photo_level
-from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.imagery.pyramid import level_shape
-from orthomill.tasks.imagery.radiometric_balance import Samples
-from orthomill.tasks.projection.border_masks import BorderFacts, border_mask
-from orthomill.tasks.projection.chosen_photographs import PhotographMask
-from orthomill.tasks.projection.depth_rasters import (
-    MeshBlocks,
-    PhotoDepth,
-    ShownSurfaces,
-    TileSurface,
-    depth_picture,
-    output_depth,
-    photograph_depth,
-    shown_surfaces,
-)
-from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.lines.sections import AnySection
-from orthomill.tasks.projection.output_tile import (
+from orthomill.tasks.colouring.balance.radiometric_balance import Samples
+from orthomill.tasks.colouring.sight.facing import MeshFacing
+from orthomill.tasks.colouring.sight.output_tile import (
     OutputTile,
     blocks_of_photograph,
     blocks_of_window,
@@ -43,7 +27,8 @@ from orthomill.tasks.projection.output_tile import (
     photo_part,
     union_of,
 )
-from orthomill.tasks.projection.projection_colours import (
+from orthomill.tasks.colouring.sight.sight_rasters import sight_tile
+from orthomill.tasks.colouring.surface_colours import (
     PROJECTION_RADIOMETRY,
     ColourRules,
     ProjectionTile,
@@ -51,8 +36,15 @@ from orthomill.tasks.projection.projection_colours import (
     left_out_tile,
     sample_surface,
 )
-from orthomill.tasks.projection.sight_rasters import sight_tile
-from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth
+from orthomill.tasks.colouring.widening.hidden_edges import ChosenWidth
+from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, photo_level
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.imagery.pyramid import level_shape
+from orthomill.tasks.projection.border_masks import BorderFacts, border_mask
+from orthomill.tasks.projection.chosen_photographs import PhotographMask
+from orthomill.tasks.projection.depth_rasters import depth_picture, output_depth, photograph_depth, shown_surfaces
+from orthomill.tasks.projection.lines.sections import AnySection
+from orthomill.tasks.visibility.mesh_blocks import MeshBlocks, PhotoDepth, ShownSurfaces, TileSurface
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.output_frame import ideal_window
 from orthomill.tasks.visibility.triangle_blocks import SIDE

@@ -8,12 +8,13 @@ import numpy as np
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import FlatFrame, ViewFrame
 from orthomill.schemas.stage_report import Answer, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
-from orthomill.tasks.imagery.radiometric_balance import Radiometry
-from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry
+from orthomill.tasks.colouring.sight.facing import MeshFacing
+from orthomill.tasks.colouring.surface_colours import NO_SURFACE, ProjectionTile
+from orthomill.tasks.colouring.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
 from orthomill.tasks.projection.model.model_colours import TileFacts
 from orthomill.tasks.projection.model.model_words import model_products, texture_figures
-from orthomill.tasks.projection.projection_colours import NO_SURFACE, ProjectionTile
 from orthomill.tasks.projection.reporting.output_doubts import output_doubts
 from orthomill.tasks.projection.reporting.output_totals import OutputFacts, OutputTotals
 from orthomill.tasks.projection.reporting.surface_doubts import (
@@ -26,7 +27,6 @@ from orthomill.tasks.projection.reporting.surface_doubts import (
     unlike_doubts,
     unrelated,
 )
-from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.sight import PlaceSight
 
 COVERAGE_CLASSES: tuple[tuple[int, str, str], ...] = (

@@ -18,8 +18,8 @@ from orthomill.schemas.solid.frames import FlatFrame, OutputFrames, ViewFrame
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE
-from orthomill.tasks.imagery.blending import Blend
-from orthomill.tasks.imagery.colour_settings import (
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.colour_settings import (
     AboutMean,
     AverageTwo,
     Balance,
@@ -31,6 +31,9 @@ from orthomill.tasks.imagery.colour_settings import (
     power_of,
     rejection_of,
 )
+from orthomill.tasks.colouring.sight.facing import mesh_facing
+from orthomill.tasks.colouring.surface_colours import PROJECTION_RADIOMETRY, ColourRules, balance_surface
+from orthomill.tasks.colouring.widening.hidden_edges import ChosenWidth, WideningRules
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.projection.chosen_photographs import (
     BorderMasks,
@@ -42,15 +45,13 @@ from orthomill.tasks.projection.chosen_photographs import (
     masks_of,
     taking_part,
 )
-from orthomill.tasks.projection.depth_rasters import PhotoDepth, cut_into_blocks
-from orthomill.tasks.projection.facing import mesh_facing
+from orthomill.tasks.projection.depth_rasters import cut_into_blocks
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph, compare_left_out
 from orthomill.tasks.projection.lines.section_line import LineText, SectionLine, draw_section
 from orthomill.tasks.projection.lines.sections import NoSection
 from orthomill.tasks.projection.mesh_mending import mend_heights, mend_mesh
 from orthomill.tasks.projection.model.model_jobs import Model, ModelJobs, TexturedModel
 from orthomill.tasks.projection.outputs import MapOutput, Output
-from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules, balance_surface
 from orthomill.tasks.projection.projection_frames import left_out_frame, output_frames
 from orthomill.tasks.projection.projection_jobs import (
     BLOCKS,
@@ -77,9 +78,9 @@ from orthomill.tasks.projection.report import PICTURED, projection_report
 from orthomill.tasks.projection.reporting.output_doubts import degrees_before
 from orthomill.tasks.projection.reporting.output_totals import OutputFacts
 from orthomill.tasks.projection.surface_source import HeightModelSurface, SolidSurface
-from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, WideningRules
 from orthomill.tasks.projection.widening.widening_jobs import WIDENING, WideningJobs, choice
 from orthomill.tasks.projection.widening.width_trials import WIDTHS
+from orthomill.tasks.visibility.mesh_blocks import PhotoDepth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.triangle_blocks import SIDE, block_count
 

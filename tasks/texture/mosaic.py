@@ -15,18 +15,18 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, HeightSource
+from orthomill.tasks.colouring.balance.balancing import balanced
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, seen_twice
+from orthomill.tasks.colouring.blending.blending import Blend, Blended, blend
+from orthomill.tasks.colouring.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
+from orthomill.tasks.colouring.edges.sharpened_ground import HALO as WALL_HALO
+from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, most_bands
+from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, ground_of, sample_photo, shown
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.imagery.balancing import balanced
-from orthomill.tasks.imagery.blending import Blend, Blended, blend
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, seen_twice
-from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
 from orthomill.tasks.texture.draping import HALO, drape, far_from_heights, height_sources
-from orthomill.tasks.texture.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
-from orthomill.tasks.texture.edges.sharpened_ground import HALO as WALL_HALO
 from orthomill.tasks.texture.extent import TileExtent
-from orthomill.tasks.texture.sampling import Ground, Sampled, ground_of, sample_photo, shown
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
 from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces

@@ -9,7 +9,7 @@ import numpy as np
 
 from orthomill.schemas.stage_report import Accuracy, Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import HEIGHT_SOURCE, HEIGHT_SOURCE_CODES, ORTHO, HeightSource
-from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
+from orthomill.tasks.colouring.balance.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.mosaic import TileTexture
 
 COVERAGE = "texture/coverage"

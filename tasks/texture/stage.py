@@ -27,10 +27,9 @@ from orthomill.schemas.surface import (
     Surface,
     points_table,
 )
-from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
-from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.imagery.blending import Blend
-from orthomill.tasks.imagery.colour_settings import (
+from orthomill.tasks.colouring.balance.radiometric_balance import Samples
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.colour_settings import (
     AboutMean,
     AverageTwo,
     Balance,
@@ -43,9 +42,10 @@ from orthomill.tasks.imagery.colour_settings import (
     power_of,
     rejection_of,
 )
+from orthomill.tasks.colouring.sampling.balanced_photograph import RADIOMETRY
+from orthomill.tasks.geometry.photograph_part import PhotoSource, photo_level
+from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.imagery.radiometric_balance import Samples
-from orthomill.tasks.texture.balanced_photograph import RADIOMETRY
 from orthomill.tasks.texture.draping import BLOCK as GROUND_BLOCK
 from orthomill.tasks.texture.draping import block_grid, block_heights, blocks_of
 from orthomill.tasks.texture.extent import TileExtent, ground_pixels, ortho_grid, tile_extent

@@ -14,12 +14,12 @@ from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.stage_contract import NotYet
 from orthomill.schemas.stage_report import Topic
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
+from orthomill.tasks.colouring.blending.blending import RESERVE
+from orthomill.tasks.colouring.sight.sight_rasters import sight_tile
+from orthomill.tasks.colouring.surface_colours import ZONE_WORTH, fading, reserved
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.imagery.blending import RESERVE
-from orthomill.tasks.projection.projection_colours import ZONE_WORTH, fading, reserved
 from orthomill.tasks.projection.projection_frames import looking_at
 from orthomill.tasks.projection.report import projection_report
-from orthomill.tasks.projection.sight_rasters import sight_tile
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject

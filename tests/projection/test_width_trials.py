@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.tasks.imagery.blending import Blend, Rejection
-from orthomill.tasks.projection.projection_colours import ColourRules, TileColours
+from orthomill.tasks.colouring.blending.blending import Blend, Rejection
+from orthomill.tasks.colouring.surface_colours import ColourRules, TileColours
 from orthomill.tasks.projection.widening.width_trials import UNTRIED, WIDTHS, WidthTrial, choose_width, tried
 
 RULES = ColourRules(0.0, Blend(Rejection("none")), breaks=False)

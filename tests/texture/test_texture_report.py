@@ -3,7 +3,7 @@
 import pytest
 
 from orthomill.schemas.surface import HeightSource
-from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry
+from orthomill.tasks.colouring.balance.radiometric_balance import PhotoRadiometry, Radiometry
 from orthomill.tasks.texture.mosaic import TileTexture
 from orthomill.tasks.texture.report import COVERAGE_COLOURS, TextureFacts, coverage_classes, texture_report
 

@@ -13,7 +13,7 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
-from orthomill.tasks.imagery.blending import Blend, Rejection
+from orthomill.tasks.colouring.blending.blending import Blend, Rejection
 from orthomill.tasks.texture import stage
 from orthomill.tasks.texture.relief import RELIEF, tile_relief
 from orthomill.tasks.texture.stage import SAMPLES_AT_MOST, TextureStage

@@ -12,16 +12,16 @@ from box_scene_stages import GAINS, VIGNETTING, photograph
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import HeightSource, Provenance
+from orthomill.tasks.colouring.balance.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
+from orthomill.tasks.colouring.blending.blending import Blend, Rejection
+from orthomill.tasks.colouring.sampling.ground_sampling import Ground, ground_of, sample_photo
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
-from orthomill.tasks.imagery.blending import Blend, Rejection
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.imagery.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
 from orthomill.tasks.texture.draping import block_heights
 from orthomill.tasks.texture.extent import ortho_grid, tile_extent
 from orthomill.tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
 from orthomill.tasks.texture.relief import ReliefMap, tile_relief
-from orthomill.tasks.texture.sampling import Ground, ground_of, sample_photo
 
 WHOLE = Window(0, 0, 240, 240)
 RULES = TextureRules(

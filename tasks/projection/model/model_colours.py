@@ -16,14 +16,14 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.job import Columns, FileBytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.solid.census import MeshCensus
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry
+from orthomill.tasks.colouring.sight.facing import MeshFacing
+from orthomill.tasks.colouring.sight.sight_rasters import TilePoints, point_sights
+from orthomill.tasks.colouring.surface_colours import ColourRules, ShownPhotographs, tile_colours
+from orthomill.tasks.colouring.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.geometry.photograph_part import PhotoPart
-from orthomill.tasks.imagery.radiometric_balance import Radiometry
-from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg
 from orthomill.tasks.projection.model.unwrapping import Unwrapped, unwrapped
-from orthomill.tasks.projection.projection_colours import ColourRules, ShownPhotographs, tile_colours
-from orthomill.tasks.projection.sight_rasters import TilePoints, point_sights
-from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles
 from orthomill.tasks.visibility.sight import PlaceSight

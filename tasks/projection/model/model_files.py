@@ -16,12 +16,12 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.job import FileBytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
+from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.geometry.topocentric import geocentric_matrix
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.projection.depth_rasters import BlockBox
-from orthomill.tasks.projection.facing import MeshFacing
 from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg, from_jpeg, glb_parts
 from orthomill.tasks.projection.model.model_colours import UNSEEN, ColouredCorners
+from orthomill.tasks.visibility.mesh_blocks import BlockBox
 
 PAGE_TEXELS = 6_000_000
 """texels of all textures in the page: beyond, they are halved"""

@@ -14,10 +14,12 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.solid.census import MeshTriangles, MeshVertices
+from orthomill.tasks.colouring.sight.output_tile import ideal_part, photo_part, union_of
+from orthomill.tasks.colouring.surface_colours import PROJECTION_RADIOMETRY, ColourRules
+from orthomill.tasks.colouring.widening.hidden_edges import ChosenWidth
 from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, photo_level
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.projection.chosen_photographs import PhotographMask
-from orthomill.tasks.projection.depth_rasters import BlockBox, PhotoDepth, TileSurface
 from orthomill.tasks.projection.model.model_colours import (
     TOGETHER,
     ColouredCorners,
@@ -28,10 +30,8 @@ from orthomill.tasks.projection.model.model_colours import (
 )
 from orthomill.tasks.projection.model.model_files import PageText, TreeNode, coloured_ply, tileset, view_page, whole_glb
 from orthomill.tasks.projection.model.model_levels import MeanCells, coarse_node, mean_cells
-from orthomill.tasks.projection.output_tile import ideal_part, photo_part, union_of
-from orthomill.tasks.projection.projection_colours import PROJECTION_RADIOMETRY, ColourRules
 from orthomill.tasks.projection.projection_jobs import CENSUS, CORNERS, FACING, ProjectionBasis, block_window, photograph_layer
-from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth
+from orthomill.tasks.visibility.mesh_blocks import BlockBox, PhotoDepth, TileSurface
 from orthomill.tasks.visibility.mesh_sight import SightTolerance
 
 _TOGETHER = 4  # nodes below one

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from orthomill.schemas.job import Columns, FileBytes
-from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.projection.model.glb import ModelPart, as_glb
 from orthomill.tasks.projection.model.model_colours import UNSEEN, ColouredCorners, merged
 

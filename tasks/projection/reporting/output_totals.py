@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from orthomill.schemas.solid.frames import AnyFrame
-from orthomill.tasks.projection.projection_colours import ProjectionTile
+from orthomill.tasks.colouring.surface_colours import ProjectionTile
 
 
 @dataclass(frozen=True)

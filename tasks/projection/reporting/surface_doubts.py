@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.solid.census import MeshCensus
-from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.projection.leave_one_out import LeftOutPhotograph
 
 FEW = 4

@@ -6,9 +6,9 @@ from math import prod
 
 from orthomill.schemas.job import Job, Raster, Reading, Stream, Table
 from orthomill.schemas.raster import RasterSpec, Tile, Window
-from orthomill.tasks.projection.projection_colours import ColourRules
+from orthomill.tasks.colouring.surface_colours import ColourRules
+from orthomill.tasks.colouring.widening.hidden_edges import ChosenWidth, HiddenEdges, WideningRules, edge_tile, limit_zone
 from orthomill.tasks.projection.projection_jobs import ColourJobs, output_layer, zones_layer
-from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, HiddenEdges, WideningRules, edge_tile, limit_zone
 from orthomill.tasks.projection.widening.width_trials import WidthTrial, choose_width, try_widths
 
 WIDENING = Table("projection/widening.json", ChosenWidth)

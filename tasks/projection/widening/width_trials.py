@@ -13,8 +13,8 @@ from typing import Unpack
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.tasks.projection.projection_colours import ColourRules, TileAtHand, TileColours, TileReads
-from orthomill.tasks.projection.widening.hidden_edges import ChosenWidth, TriedWidth
+from orthomill.tasks.colouring.surface_colours import ColourRules, TileAtHand, TileColours, TileReads
+from orthomill.tasks.colouring.widening.hidden_edges import ChosenWidth, TriedWidth
 from orthomill.tasks.visibility.sight import PlaceSight
 
 WIDTHS = (1.0, 2.0, 3.0, 5.0)

@@ -13,14 +13,15 @@ import trimesh
 from orthomill.schemas.job import FileBytes
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.geometry.topocentric import geocentric_matrix
-from orthomill.tasks.projection.depth_rasters import BlockBox, depth_picture
-from orthomill.tasks.projection.facing import MeshFacing
+from orthomill.tasks.projection.depth_rasters import depth_picture
 from orthomill.tasks.projection.model.glb import as_glb, from_jpeg, glb_parts
 from orthomill.tasks.projection.model.model_colours import UNSEEN, ColouredCorners
 from orthomill.tasks.projection.model.model_files import TreeNode, tileset
 from orthomill.tasks.projection.model.model_levels import cell_codes, coarse_node, mean_cells
 from orthomill.tasks.projection.stage import ProjectionStage
+from orthomill.tasks.visibility.mesh_blocks import BlockBox
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
 

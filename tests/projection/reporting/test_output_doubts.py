@@ -5,7 +5,7 @@ import pytest
 
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import CylinderFrame, FlatFrame
-from orthomill.tasks.projection.projection_colours import ProjectionTile
+from orthomill.tasks.colouring.surface_colours import ProjectionTile
 from orthomill.tasks.projection.reporting.output_doubts import degrees_before, output_doubts
 from orthomill.tasks.projection.reporting.output_totals import OutputFacts, OutputTotals
 

@@ -10,7 +10,7 @@ Source: Petsa et al. 2007 (sources/blending.md, M19); method and reference are n
 
 import numpy as np
 
-from orthomill.tasks.imagery.radiometric_balance import (
+from orthomill.tasks.colouring.balance.radiometric_balance import (
     GreyCurve,
     PhotoRadiometry,
     Radiometry,

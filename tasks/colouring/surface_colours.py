@@ -18,15 +18,15 @@ from orthomill.schemas.job import Table
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus
+from orthomill.tasks.colouring.balance.balancing import balanced
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, corrected, seen_twice
+from orthomill.tasks.colouring.blending.blending import RESERVE, Blend, Blended, Rejection, blend
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt, colours_at
+from orthomill.tasks.colouring.sight.facing import MeshFacing
+from orthomill.tasks.colouring.sight.output_tile import OutputTile, PhotographsAtHand
+from orthomill.tasks.colouring.sight.sight_rasters import TilePoints, tile_points
+from orthomill.tasks.colouring.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.geometry.view import View, block_view, project_point
-from orthomill.tasks.imagery.balancing import balanced
-from orthomill.tasks.imagery.blending import RESERVE, Blend, Blended, Rejection, blend
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, colours_at
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, corrected, seen_twice
-from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
-from orthomill.tasks.projection.sight_rasters import TilePoints, tile_points
-from orthomill.tasks.projection.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.visibility.output_frame import moved
 from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.imagery import radiometric_balance
-from orthomill.tasks.imagery.radiometric_balance import (
+from orthomill.tasks.colouring.balance import radiometric_balance
+from orthomill.tasks.colouring.balance.radiometric_balance import (
     PhotoRadiometry,
     Radiometry,
     Samples,

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.tasks.projection.depth_rasters import PhotoDepth
+from orthomill.tasks.visibility.mesh_blocks import PhotoDepth
 
 
 class PhotoFacing(BaseModel):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.texture.edges.wall_surfaces import FEWEST, REACH, at_pixels, wall_surfaces
+from orthomill.tasks.colouring.edges.wall_surfaces import FEWEST, REACH, at_pixels, wall_surfaces
 
 CELL = 0.5
 SHAPE = (40, 40)

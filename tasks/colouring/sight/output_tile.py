@@ -14,7 +14,7 @@ from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.frames import AnyFrame, FlatFrame, ViewFrame
 from orthomill.tasks.geometry.photograph_part import PhotoPart, PhotoSource, level_window
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.projection.depth_rasters import TileSurface
+from orthomill.tasks.visibility.mesh_blocks import TileSurface
 from orthomill.tasks.visibility.output_frame import frame_view, ideal_window, moved, plane_projection
 
 

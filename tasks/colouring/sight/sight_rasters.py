@@ -10,9 +10,9 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import AnyFrame
+from orthomill.tasks.colouring.sight.facing import MeshFacing
+from orthomill.tasks.colouring.sight.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.projection.facing import MeshFacing
-from orthomill.tasks.projection.output_tile import OutputTile, PhotographsAtHand
 from orthomill.tasks.visibility.mesh_sight import MeshPlaces, SightTolerance
 from orthomill.tasks.visibility.output_frame import moved, pixel_rays, points_on, window_pixels
 from orthomill.tasks.visibility.scanline import NOTHING, NearestTriangles

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.imagery.blending import CentreName, Rejection
+from orthomill.tasks.colouring.blending.blending import CentreName, Rejection
 
 
 class ByArea(Settings):

@@ -7,11 +7,11 @@ import pytest
 from box_scene import BOX, CENTRES, DSM, ORTHO, heights, render, view
 
 from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balance_block
-from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph
-from orthomill.tasks.texture.edges.sharpened_ground import SharpenedGround, sharpened
-from orthomill.tasks.texture.sampling import ground_of
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, balance_block
+from orthomill.tasks.colouring.edges.sharpened_ground import SharpenedGround, sharpened
+from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph
+from orthomill.tasks.colouring.sampling.ground_sampling import ground_of
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.visibility.height_model import HeightModel
 
 WHOLE = Window(0, 0, 240, 240)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.camera import Camera
+from orthomill.tasks.colouring.surface_colours import _LEAST_WORTH, _show
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.projection.projection_colours import _LEAST_WORTH, _show
 
 CAMERA = Camera(name="c", width=320, height=240, c=250.0, x0=3.0, y0=-2.0, k1=-0.06, k2=0.02, p1=1e-3, p2=-5e-4)
 VIEW = View("v", CAMERA, rotation_matrix(0.2, -0.3, 1.1), np.array([0.5, -0.4, 6.0]))

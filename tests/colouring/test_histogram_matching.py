@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.imagery.balancing import balanced
-from orthomill.tasks.imagery.histogram_matching import LEAST, matched_block
-from orthomill.tasks.imagery.radiometric_balance import GreyCurve, PhotoRadiometry, Samples, corrected
+from orthomill.tasks.colouring.balance.balancing import balanced
+from orthomill.tasks.colouring.balance.histogram_matching import LEAST, matched_block
+from orthomill.tasks.colouring.balance.radiometric_balance import GreyCurve, PhotoRadiometry, Samples, corrected
 
 
 def block_of(curves, points: int = 4000) -> tuple[Samples, np.ndarray]:

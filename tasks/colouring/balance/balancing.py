@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from orthomill.tasks.imagery.histogram_matching import matched_block
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, Samples, balance_block
+from orthomill.tasks.colouring.balance.histogram_matching import matched_block
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, balance_block
 
 _BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 

@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.colouring.balance.radiometric_balance import correct
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt, border_colours, inner_colours, part_pixels
 from orthomill.tasks.geometry.view import FIELD_MARGIN, View, empty_row, frame_row, in_frame
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt, border_colours, inner_colours, part_pixels
-from orthomill.tasks.imagery.radiometric_balance import correct
 from orthomill.tasks.visibility.height_model import WALL
 
 STEEPEST = 3.0

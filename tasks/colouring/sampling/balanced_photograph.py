@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.job import Table
+from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, corrected, correction_terms
+from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, sample_into, sample_photo
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
-from orthomill.tasks.imagery.radiometric_balance import Radiometry, corrected, correction_terms
-from orthomill.tasks.texture.sampling import Ground, Sampled, sample_into, sample_photo
 
 RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 

@@ -12,12 +12,12 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.texture.balanced_photograph import BalancedPhotograph, most_bands
-from orthomill.tasks.texture.edges.likeness import REACH as COLOUR_REACH
-from orthomill.tasks.texture.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
-from orthomill.tasks.texture.edges.wall_surfaces import REACH as HEIGHT_REACH
-from orthomill.tasks.texture.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
-from orthomill.tasks.texture.sampling import Ground, Sampled, every
+from orthomill.tasks.colouring.edges.likeness import REACH as COLOUR_REACH
+from orthomill.tasks.colouring.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
+from orthomill.tasks.colouring.edges.wall_surfaces import REACH as HEIGHT_REACH
+from orthomill.tasks.colouring.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
+from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, most_bands
+from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, every
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
 SUPPORT = 1

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.imagery.photograph_colours import PhotoPixelsAt
+from orthomill.tasks.colouring.sampling.ground_sampling import STEEPEST, Ground, ground_of, sample_photo
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.imagery.pyramid import full_to_level
-from orthomill.tasks.texture.sampling import STEEPEST, Ground, ground_of, sample_photo
 
 DSM = MapGrid(west=40.0, north=80.0, cell=1.0, rows=24, cols=24)
 WHOLE = Window(0, 0, 24, 24)

@@ -21,9 +21,9 @@ from orthomill.schemas.job import Columns
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus
+from orthomill.tasks.colouring.sight.output_tile import OutputTile
+from orthomill.tasks.colouring.sight.sight_rasters import tile_points
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.projection.output_tile import OutputTile
-from orthomill.tasks.projection.sight_rasters import tile_points
 from orthomill.tasks.visibility.output_frame import moved
 from orthomill.tasks.visibility.sight import PlaceSight
 from orthomill.tasks.visibility.triangle_blocks import TrianglesAtHand

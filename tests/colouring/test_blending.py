@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.imagery.blending import Blend, Rejection, blend
+from orthomill.tasks.colouring.blending.blending import Blend, Rejection, blend
 
 PLAIN = Blend(Rejection("none"))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.raster import Window
-from orthomill.tasks.texture.edges.likeness import OTHER, REACH, SPREAD, Examples, Side, likeness, spacing_of, supported
+from orthomill.tasks.colouring.edges.likeness import OTHER, REACH, SPREAD, Examples, Side, likeness, spacing_of, supported
 
 ROOF, GRASS, FACADE = np.array([200.0, 40.0, 40.0]), np.array([90.0, 120.0, 80.0]), np.array([230.0, 0.0, 230.0])
 DIVISOR = 2

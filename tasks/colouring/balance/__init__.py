@@ -1,0 +1,1 @@
+"""One brightness for all photographs of a block."""

@@ -1,0 +1,1 @@
+"""One colour from many."""
