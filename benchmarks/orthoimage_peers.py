@@ -32,8 +32,8 @@ from orthomill.tasks.colouring.colour_settings import Balance, BlockBalance, NoB
 from orthomill.tasks.evaluation.classes import place_classes
 from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoScene, fit_grey, fitted, grey_sums, shifts
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.texture.draping import block_heights, drape
-from orthomill.tasks.texture.report import COVERAGE
+from orthomill.tasks.texture.ground.draping import block_heights, drape
+from orthomill.tasks.texture.report.texture_report import COVERAGE
 from orthomill.tasks.texture.stage import TextureStage
 
 TILE = 512

@@ -23,7 +23,7 @@ from orthomill.pipeline.records.records import Records
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.frames.projection_frames import looking_at
 from orthomill.tasks.visibility.scanline import central_projection
 from tests.support.solid.whole_mesh import nearest_triangles
 

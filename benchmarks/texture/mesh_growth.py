@@ -11,8 +11,8 @@ import time
 
 from benchmarks.texture.texture_acceptance import sheet
 from orthomill.schemas.solid.mesh import TriangleMesh
-from orthomill.tasks.projection.depth_rasters import cut_into_blocks
-from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.mesh.depth_rasters import cut_into_blocks
+from orthomill.tasks.projection.mesh.mesh_mending import mend_mesh
 
 SIDES = (354, 708, 1415)
 """vertices along a side of the rough sheet"""

@@ -1,11 +1,15 @@
 """How the colours of photographs become one, as a workflow says it, for whatever surface they lie on."""
 
+from math import ceil, sqrt
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.colouring.blending.blending import CentreName, Rejection
+from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.blending.colour_rules import ColourRules
+from orthomill.tasks.colouring.blending.rejection import CentreName, Rejection
 
 
 class ByArea(Settings):
@@ -96,15 +100,45 @@ class HistogramBalance(Settings):
 Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
 Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
 Balance = Annotated[NoBalance | BlockBalance | HistogramBalance, Field(discriminator="kind")]
-
+TwoColours = Annotated[AverageTwo | PreferHeavier | PreferUnbroken, Field(discriminator="kind")]
 _CENTRE: dict[str, CentreName] = {"mean": "mean", "median": "median", "robust": "deviation"}
+_SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits only
 
 
-def rejection_of(choice: KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust) -> Rejection:
-    """The rule of a setting."""
-    return Rejection("none") if choice.kind == "none" else Rejection(_CENTRE[choice.kind], choice.k, choice.least)
+class ColourSettings(Settings):
+    """How the photographs that see a place become its colour: the settings of every stage that colours a surface."""
 
+    weights: Weights = setting(ByArea(), "Weight of a photo's colour (Petsa et al. 2007).")
+    rejection: Rejections = setting(AboutMean(), "Which colours are rejected as gross errors.")
+    two_colours: TwoColours = setting(AverageTwo(), "What happens where exactly two photos see the surface and disagree.")
+    best: Annotated[int, Field(ge=0, le=64)] | Literal["auto"] = setting(
+        0, "Number of photos of the greatest weight that are blended; 0 for all."
+    )
+    balance: Balance = setting(BlockBalance(), "How the photos are adjusted to one brightness.")
+    feather: float = setting(
+        0.15,
+        "Width of the border of a photo in which its weight rises from 0, as a share of the photo's shorter side.",
+        ge=0,
+        le=0.5,
+    )
 
-def power_of(choice: ByArea | BySquaredArea) -> int:
-    """The power of the area that a colour weighs."""
-    return 2 if choice.kind == "area_squared" else 1
+    @property
+    def colour_rules(self) -> ColourRules:
+        """The rules that the settings stand for."""
+        choice, two = self.rejection, self.two_colours
+        rejection = Rejection("none") if choice.kind == "none" else Rejection(_CENTRE[choice.kind], choice.k, choice.least)
+        power = 2 if self.weights.kind == "area_squared" else 1
+        limit = 0.0 if two.kind == "average" else two.limit
+        blended = Blend(rejection, power, best=0 if self.best == "auto" else self.best, two_limit=limit)
+        return ColourRules(self.feather, blended, breaks=two.kind == "depth_break", finest=self.best == "auto")
+
+    @property
+    def vignetting(self) -> bool:
+        """Whether the falloff of the photographs is estimated."""
+        return self.balance.kind == "block" and self.balance.vignetting
+
+    def sample_spacing(self, pixels: int) -> int:
+        """px between the samples for the balance on a surface of so many pixels."""
+        wanted = self.balance.spacing if self.balance.kind != "none" else _SPACING_OF_RANGE
+        # The unknown brightness of every sample is eliminated, but time and memory still grow with their number.
+        return max(wanted, ceil(sqrt(pixels / SAMPLES_AT_MOST)))

@@ -9,41 +9,35 @@ from math import ceil, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, HeightSource
-from orthomill.tasks.colouring.balance.balancing import balanced
-from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, seen_twice
-from orthomill.tasks.colouring.blending.blending import Blend, Blended, blend
+from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
+from orthomill.tasks.colouring.balance.shared_ground import Samples, sample_rows, seen_twice
+from orthomill.tasks.colouring.blending.blending import Blended, blend
+from orthomill.tasks.colouring.blending.colour_rules import ColourRules
+from orthomill.tasks.colouring.blending.colour_sums import ColourSums, ColourTally
+from orthomill.tasks.colouring.blending.painting import rgba
 from orthomill.tasks.colouring.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
 from orthomill.tasks.colouring.edges.sharpened_ground import HALO as WALL_HALO
-from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, most_bands
+from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, bands_of
 from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, ground_of, sample_photo, shown
 from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
+from orthomill.tasks.colouring.widening.occlusion_factor import occlusion_factor
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.texture.draping import HALO, drape, far_from_heights, height_sources
-from orthomill.tasks.texture.extent import TileExtent
-from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
+from orthomill.tasks.texture.ground.draping import HALO, drape, far_from_heights, height_sources
+from orthomill.tasks.texture.ground.extent import TileExtent
+from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets
 from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
 from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces
 
 STRIP = 64
 """Ortho rows that are blended at a time."""
-RESERVED_WORTH = 1e-3
-"""Weight factor next to an occlusion: such a colour is used only where no photo has a better one."""
-LAST_WORTH = 1e-6
-"""Weight factor behind what may not be there: such a colour is used only where that stands in front of every photo."""
 MAY_WELL = 2.0
 """Standard errors by which a height may well be higher or lower."""
-_WORTH = np.array(
-    [LAST_WORTH if code == PlaceSight.BEHIND_ESTIMATE else float(code >= PlaceSight.AT_BREAK) for code in PlaceSight], np.float32
-)
-
-# 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
 
 
 @dataclass(frozen=True)
@@ -57,13 +51,9 @@ class TextureRules:
     """how far from a height holes are draped; 0: no texture in holes, inf: all of them"""
     widening_margin: float
     widening_ramp: float
-    feather: float
-    """share of the photo's shorter side"""
     sharpen: bool
     """whether photographs choose the surface of pixels near walls"""
-    blend: Blend
-    breaks: bool = False
-    """of two colours that disagree the one at a break of its depth goes, instead of the lighter one"""
+    colours: ColourRules
 
     @property
     def rim(self) -> int:
@@ -89,8 +79,7 @@ class TileTexture(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     pixels: int
-    seen: tuple[int, int, int, int]
-    """pixels seen by 0, 1, 2, 3 or more photos"""
+    colours: ColourSums
     heights: tuple[int, ...]
     """pixels by code of HeightSource"""
     outside: int
@@ -98,13 +87,9 @@ class TileTexture(BaseModel):
     missed: int
     """pixels without colour: in the frame of no photo, hidden from every photo that shows the place, seen by some photo"""
     most: int
-    values: int
-    rejected: int
-    difference_sum: float
-    difference_count: int
-    """sum and number of the mean absolute differences at pixels where two photos or more were blended"""
+    """the greatest number of photos that see a pixel"""
     photo_seen: dict[str, int]
-    photo_share: dict[str, float]
+    """photo -> pixels that it sees"""
 
 
 class OrthoTile(NamedTuple):
@@ -129,25 +114,6 @@ class _Scene:
     ground: Ground
     factors: tuple[np.ndarray, ...]
     breaks: tuple[np.ndarray, ...]
-
-
-@dataclass
-class _Tally:
-    """Sums over the strips of a tile; `seen`, `share` (photos,), `empty` pixels without colour: outside, hidden, missed."""
-
-    seen: np.ndarray
-    share: np.ndarray
-    empty: np.ndarray
-    difference_sum: float = 0.0
-    difference_count: int = 0
-
-    def add(self, blended: Blended, seen: list[int]) -> None:
-        """Counts one strip."""
-        # float64: a tile sums a million float32 differences.
-        self.difference_sum += float(np.nansum(blended.difference, dtype=np.float64))
-        self.difference_count += int(np.isfinite(blended.difference).sum())
-        self.seen += seen
-        self.share += blended.share
 
 
 def _targets(ground: Ground, dsm: MapGrid) -> Targets:
@@ -206,8 +172,8 @@ def _scene(
     for k in showing:
         sight = places.sights(photos[k].view)
         sight = _at_walls(sight, sharp, k) if sharp else sight
-        factors.append(_factor(sight, rules, extent.divisor)[inner])
-        breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.breaks else np.zeros((0, 0), bool))
+        factors.append(occlusion_factor(sight, rules.widening_margin * extent.divisor, rules.widening_ramp * extent.divisor)[inner])
+        breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.colours.breaks else np.zeros((0, 0), bool))
     return _Scene(ground.part(core), tuple(factors), tuple(breaks))
 
 
@@ -221,27 +187,6 @@ def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndar
     return codes.reshape(sight.shape)
 
 
-def _factor(sight: np.ndarray, rules: TextureRules, divisor: int) -> np.ndarray:
-    """Weight factors (rows, cols) of a photo from codes of PlaceSight, reduced next to occlusions."""
-    if rules.widening_margin + rules.widening_ramp <= 0:
-        return np.asarray(_WORTH[sight])
-    # A hole without height is no occlusion: its rim is as well visible as any other ground.
-    occluded = (sight == PlaceSight.HIDDEN) | (sight == PlaceSight.BEHIND_ESTIMATE)
-    widened = widening_factor(occluded, rules.widening_margin * divisor, rules.widening_ramp * divisor)
-    _weigh(sight, _WORTH, widened)
-    return widened
-
-
-@njit(cache=True)
-def _weigh(sight, worth, factor):
-    """Turns factors (rows, cols) that fall towards occlusions into those of what is seen; of the rest the worth of its code."""
-    least = np.float32(RESERVED_WORTH)
-    for i in range(sight.shape[0]):
-        for j in range(sight.shape[1]):
-            code = sight[i, j]
-            factor[i, j] = max(factor[i, j], least) if code >= PlaceSight.AT_BREAK else worth[code]
-
-
 def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -> np.ndarray:
     """Values of the DSM cells `place` at the ortho pixels `window`."""
     near = window.reduced(divisor)
@@ -249,42 +194,19 @@ def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -
     return pixels[window.within(near.scaled(divisor)).slices]
 
 
-def _feather(view: View, rules: TextureRules) -> float:
-    return rules.feather * min(view.camera.width, view.camera.height)
-
-
 def _strip(
     ground: Ground, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
 ) -> tuple[Blended, list[int]]:
     """The blended strip, and the pixels that each photo sees. Colours are in the block's radiometry."""
     shape = len(photos), *ground.z.shape
-    colours, weights = np.zeros((*shape, most_bands(photos)), np.float32), np.zeros(shape, np.float32)
+    colours, weights = np.zeros((*shape, bands_of(photos)), np.float32), np.zeros(shape, np.float32)
     for i, photo in enumerate(photos):
         factor = scene.factors[i][top : top + len(ground.z)]
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
-        photo.fill(Sampled(colours[i], weights[i], np.zeros(shape[1:], np.float32)), ground, factor, _feather(photo.view, rules))
-    broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.breaks and photos else None
-    return blend(colours, weights, rules.blend, broken), [int(np.count_nonzero(weight)) for weight in weights]
-
-
-@njit(cache=True)
-def _paint(colour, used, out):
-    bands = colour.shape[2]
-    for i in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            if used[i, j]:
-                for band in range(3):
-                    # A grey orthoimage has three equal bands as well.
-                    value = np.floor(colour[i, j, band if bands == 3 else 0] + np.float32(0.5))
-                    out[i, j, band] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
-                out[i, j, 3] = 255
-
-
-def _rgba(blended: Blended) -> np.ndarray:
-    """uint8 (rows, cols, 4); transparent black where no photo sees the ground."""
-    out = np.zeros((*blended.used.shape, 4), np.uint8)
-    _paint(blended.colour, blended.used, out)
-    return out
+        found = Sampled(colours[i], weights[i], np.zeros(shape[1:], np.float32))
+        photo.fill(found, ground, factor, rules.colours.border(photo.view.camera))
+    broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.colours.breaks and photos else None
+    return blend(colours, weights, rules.colours.blend, broken), [int(np.count_nonzero(weight)) for weight in weights]
 
 
 def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, level: float) -> np.ndarray:
@@ -303,26 +225,6 @@ def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], 
         shows |= inside
         sees |= inside & (without | (factor > 0))
     return np.array([(empty > 0).sum() - shows.sum(), (shows & ~sees).sum(), sees.sum()])
-
-
-def _statistics(coverage: np.ndarray, rejected: np.ndarray, sources: np.ndarray, names: list[str], tally: _Tally) -> TileTexture:
-    none, one, two = (int(np.count_nonzero(coverage == count)) for count in range(3))
-    outside, hidden, missed = tally.empty.tolist()
-    return TileTexture(
-        pixels=coverage.size,
-        seen=(none, one, two, coverage.size - none - one - two),
-        most=int(coverage.max()),
-        heights=tuple(int(np.count_nonzero(sources == code)) for code in HeightSource),
-        outside=outside,
-        hidden=hidden,
-        missed=missed,
-        values=int(coverage.sum(dtype=np.int64)),
-        rejected=int(rejected.sum(dtype=np.int64)),
-        difference_sum=tally.difference_sum,
-        difference_count=tally.difference_count,
-        photo_seen={name: int(n) for name, n in zip(names, tally.seen, strict=True)},
-        photo_share={name: float(n) for name, n in zip(names, tally.share, strict=True)},
-    )
 
 
 def texture_tile(
@@ -359,19 +261,30 @@ def texture_tile(
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
-    ortho, tally = np.zeros((height, width, 4), np.uint8), _Tally(np.zeros(len(views)), np.zeros(len(views)), np.zeros(3, np.int64))
-    level = block.ground_mean
+    ortho, tally = np.zeros((height, width, 4), np.uint8), ColourTally(np.zeros(len(views)))
+    seen, empty, level = np.zeros(len(views), np.int64), np.zeros(3, np.int64), block.ground_mean
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)
-        blended, seen = _strip(strip, scene, showing, rules, top)
+        blended, sees = _strip(strip, scene, showing, rules, top)
         rows = slice(top, top + window.height)
-        ortho[rows], coverage[rows], rejected[rows] = _rgba(blended), blended.seen, blended.rejected
-        tally.add(blended, seen)
-        tally.empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
-    return OrthoTile(
-        ortho, coverage, rejected, sources, _statistics(coverage, rejected, sources, [view.name for view in views], tally)
+        ortho[rows], coverage[rows], rejected[rows] = rgba(blended), blended.seen, blended.rejected
+        tally.add(blended)
+        seen += sees
+        empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
+    names = [view.name for view in views]
+    outside, hidden, missed = empty.tolist()
+    statistics = TileTexture(
+        pixels=coverage.size,
+        colours=tally.sums(names, coverage),
+        heights=tuple(int(np.count_nonzero(sources == code)) for code in HeightSource),
+        outside=outside,
+        hidden=hidden,
+        missed=missed,
+        most=int(coverage.max()),
+        photo_seen=dict(zip(names, seen.tolist(), strict=True)),
     )
+    return OrthoTile(ortho, coverage, rejected, sources, statistics)
 
 
 def sample_tile(
@@ -394,12 +307,5 @@ def sample_tile(
         seen = visible_targets(model, view, targets, rules.tolerance)
         # No feather: a sample at the border is as good as any, and vignetting is seen best there.
         sampled = sample_photo(view, PhotoPixelsAt(pixels, part.window, part.level), ground, seen, 0.0)
-        mask = sampled.worth > 0
-        grey = np.broadcast_to(sampled.colour[mask], (int(mask.sum()), 3))
-        rows.append((number[mask], np.full(len(grey), block.names.index(view.name)), sampled.r2[mask], *grey.T))
+        rows.append(sample_rows(number, block.names.index(view.name), sampled.colour, sampled.worth, sampled.r2))
     return seen_twice(rows)
-
-
-def balance(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
-    """The radiometry of the block from the samples of all tiles: see `balanced`."""
-    return balanced(samples, block.names, deep, method, vignetting)

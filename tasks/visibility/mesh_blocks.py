@@ -1,5 +1,6 @@
 """What is seen of a mesh in blocks, as jobs are planned from it: boxes about blocks, the blocks that photographs and tiles show."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +26,12 @@ class BlockBox(BaseModel):
         """(8, 3)"""
         x, y, z = np.meshgrid(*zip(self.low, self.high, strict=True), indexing="ij")
         return np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+
+
+def box_about(boxes: Sequence[BlockBox]) -> BlockBox:
+    """The box about some boxes."""
+    low, high = np.min([box.low for box in boxes], axis=0).tolist(), np.max([box.high for box in boxes], axis=0).tolist()
+    return BlockBox(low=tuple(low), high=tuple(high))
 
 
 class MeshBlocks(BaseModel):

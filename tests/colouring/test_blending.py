@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.colouring.blending.blending import Blend, Rejection, blend
+from orthomill.tasks.colouring.blending.blending import Blend, blend
+from orthomill.tasks.colouring.blending.rejection import Rejection
 
 PLAIN = Blend(Rejection("none"))
 

@@ -5,7 +5,8 @@ import pytest
 
 from orthomill.tasks.colouring.balance.balancing import balanced
 from orthomill.tasks.colouring.balance.histogram_matching import LEAST, matched_block
-from orthomill.tasks.colouring.balance.radiometric_balance import GreyCurve, PhotoRadiometry, Samples, corrected
+from orthomill.tasks.colouring.balance.photo_radiometry import GreyCurve, PhotoRadiometry, corrected
+from orthomill.tasks.colouring.balance.shared_ground import Samples
 
 
 def block_of(curves, points: int = 4000) -> tuple[Samples, np.ndarray]:

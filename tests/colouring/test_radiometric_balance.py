@@ -6,15 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.tasks.colouring.balance import radiometric_balance
-from orthomill.tasks.colouring.balance.radiometric_balance import (
-    PhotoRadiometry,
-    Radiometry,
-    Samples,
-    balance_block,
-    corrected,
-    pair_differences,
-)
-from orthomill.tasks.texture.mosaic import balance
+from orthomill.tasks.colouring.balance.balancing import balanced_block
+from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry, corrected
+from orthomill.tasks.colouring.balance.radiometric_balance import balance_block
+from orthomill.tasks.colouring.balance.shared_ground import Samples, pair_differences
 
 NAMES = ("a", "b", "c")
 GAIN, OFFSET = np.array([1.06, 1.0, 0.94]), np.array([4.0, 0.0, -4.0])
@@ -125,22 +120,22 @@ class _Block:
 
 def test_the_method_none_keeps_grey_values_but_not_the_range_of_sixteen_bits():
     made = samples(200, scale=60.0)
-    found = balance((made,), _Block, True, "none", True)
+    found = balanced_block((made,), _Block, True, "none", True)
     assert found.photos == tuple(PhotoRadiometry(photo=name) for name in NAMES) and found.points == 0
     assert found.white == pytest.approx(1.05 * np.quantile(made.grey, 0.999), rel=1e-6)
-    assert balance((made,), _Block, False, "none", True).white == 255.0
+    assert balanced_block((made,), _Block, False, "none", True).white == 255.0
 
 
 def test_the_stretch_of_sixteen_bits_ends_at_their_range():
-    assert balance((samples(200, scale=320.0),), _Block, True, "none", True).white == 65535.0
+    assert balanced_block((samples(200, scale=320.0),), _Block, True, "none", True).white == 65535.0
     empty = samples(1).take(np.zeros(0, int))
-    assert balance((empty,), _Block, True, "block", True).white == 65535.0
+    assert balanced_block((empty,), _Block, True, "block", True).white == 65535.0
 
 
 def test_samples_of_all_tiles_are_adjusted_together():
     made = samples(300)
     parts = tuple(made.take(np.flatnonzero(made.point % 3 == part)) for part in range(3))
-    one, many = (balance(tables, _Block, False, "block", False) for tables in ((made,), parts))
+    one, many = (balanced_block(tables, _Block, False, "block", False) for tables in ((made,), parts))
     assert isinstance(one, Radiometry) and one.points == many.points == 300
     assert np.allclose([p.gain for p in one.photos], [p.gain for p in many.photos], atol=1e-6)
     assert one.of("b").photo == "b"

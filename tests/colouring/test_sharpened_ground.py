@@ -7,7 +7,9 @@ import pytest
 from box_scene import BOX, CENTRES, DSM, ORTHO, heights, render, view
 
 from orthomill.schemas.raster import Window
-from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, balance_block
+from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
+from orthomill.tasks.colouring.balance.radiometric_balance import balance_block
+from orthomill.tasks.colouring.balance.shared_ground import Samples
 from orthomill.tasks.colouring.edges.sharpened_ground import SharpenedGround, sharpened
 from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph
 from orthomill.tasks.colouring.sampling.ground_sampling import ground_of

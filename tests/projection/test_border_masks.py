@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from orthomill.tasks.projection.border_masks import MARGIN, border_mask
+from orthomill.tasks.projection.photographs.border_masks import MARGIN, border_mask
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject

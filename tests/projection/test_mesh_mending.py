@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.errors import GeometryError, WorkflowError
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
-from orthomill.tasks.projection.mesh_mending import MendedMesh, mend_heights, mend_mesh
+from orthomill.tasks.projection.mesh.mesh_mending import MendedMesh, mend_heights, mend_mesh
 from orthomill.tasks.visibility.triangle_blocks import PER_BLOCK, TrianglesAtHand, as_blocks, block_bounds, spatial_order
 
 NO_SHIFT = (0.0, 0.0, 0.0)

@@ -12,9 +12,9 @@ from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import full_to_level
-from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.frames.projection_frames import halved, output_frames, round_pixel
+from orthomill.tasks.projection.mesh.mesh_mending import mend_mesh
 from orthomill.tasks.projection.outputs import Output
-from orthomill.tasks.projection.projection_frames import halved, output_frames, round_pixel
 from orthomill.tasks.projection.stage import ProjectionStage
 from tests.support.solid import wall_and_box as scene
 

@@ -15,11 +15,11 @@ from orthomill.schemas.stage_contract import NotYet
 from orthomill.schemas.stage_report import Topic
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.colouring.blending.blending import RESERVE
+from orthomill.tasks.colouring.blending.reserves import ZONE_WORTH, fading, reserved
 from orthomill.tasks.colouring.sight.sight_rasters import sight_tile
-from orthomill.tasks.colouring.surface_colours import ZONE_WORTH, fading, reserved
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.projection.projection_frames import looking_at
-from orthomill.tasks.projection.report import projection_report
+from orthomill.tasks.projection.frames.projection_frames import looking_at
+from orthomill.tasks.projection.report.projection_report import projection_report
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.visibility.sight import PlaceSight
 from tests.support.engine.memory_runner import MemoryProject
@@ -338,10 +338,10 @@ def test_the_report_counts_every_pixel_and_names_the_share_of_each_photograph(pl
     table = next(grid for grid in report.grids if grid.title == "Photographs in 'front'")
     assert sum(row[1] for row in table.rows) == pytest.approx(100.0, abs=0.1)
     assert next(p for p in report.pictures if "Coverage" in p.title).classes[:4] == (
-        (0, "#d7191c", "seen by no photograph"),
-        (1, "#1a9641", "seen by one"),
-        (2, "#2b5fd9", "seen by two"),
-        (3, "#9a9a9a", "seen by three or more"),
+        (0, "#d7191c", "seen by no photo"),
+        (1, "#1a9641", "seen by one photo"),
+        (2, "#2b5fd9", "seen by two photos"),
+        (3, "#9a9a9a", "seen by 3 photos"),
     )
 
 

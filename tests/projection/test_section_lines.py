@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from orthomill.tasks.projection.depth_rasters import cut_into_blocks
 from orthomill.tasks.projection.lines.section_line import SectionLine, draw_section
-from orthomill.tasks.projection.mesh_mending import mend_mesh
+from orthomill.tasks.projection.mesh.depth_rasters import cut_into_blocks
+from orthomill.tasks.projection.mesh.mesh_mending import mend_mesh
 from tests.support.solid import wall_and_box as scene
 
 

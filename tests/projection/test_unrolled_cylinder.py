@@ -8,7 +8,7 @@ from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.frames.projection_frames import looking_at
 from orthomill.tasks.projection.stage import ProjectionStage
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.tasks.colouring.blending.blending import Blend, Rejection
-from orthomill.tasks.colouring.surface_colours import ColourRules, TileColours
-from orthomill.tasks.projection.widening.width_trials import UNTRIED, WIDTHS, WidthTrial, choose_width, tried
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.blending.colour_rules import ColourRules
+from orthomill.tasks.colouring.blending.rejection import Rejection
+from orthomill.tasks.colouring.blending.surface_colours import TileColours
+from orthomill.tasks.projection.tiles.width_trials import UNTRIED, WIDTHS, WidthTrial, choose_width, tried
 
 RULES = ColourRules(0.0, Blend(Rejection("none")), breaks=False)
 

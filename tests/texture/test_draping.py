@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.texture.draping import (
+from orthomill.tasks.texture.ground.draping import (
     BLOCK,
     HALO,
     block_grid,

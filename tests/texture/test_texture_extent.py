@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
-from orthomill.tasks.texture.extent import dsm_core, ground_pixels, heights_window, ortho_grid, tile_extent
-from orthomill.tasks.texture.relief import Relief, ReliefMap, tile_relief
+from orthomill.tasks.texture.ground.extent import dsm_core, ground_pixels, heights_window, ortho_grid, tile_extent
+from orthomill.tasks.texture.ground.relief import Relief, ReliefMap, tile_relief
 
 RELIEF = ReliefMap(tile_relief(heights(), Window(0, 0, *DSM.shape)), DSM)
 VIEWS = [view(name) for name in CENTRES]

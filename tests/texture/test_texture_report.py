@@ -3,30 +3,38 @@
 import pytest
 
 from orthomill.schemas.surface import HeightSource
-from orthomill.tasks.colouring.balance.radiometric_balance import PhotoRadiometry, Radiometry
+from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry
+from orthomill.tasks.colouring.blending.colour_sums import ColourSums
+from orthomill.tasks.colouring.report.colour_words import COVERAGE_COLOURS, coverage_classes
 from orthomill.tasks.texture.mosaic import TileTexture
-from orthomill.tasks.texture.report import COVERAGE_COLOURS, TextureFacts, coverage_classes, texture_report
+from orthomill.tasks.texture.report.texture_report import TextureFacts, texture_report
 
 FACTS = TextureFacts(cell=0.5, dsm_cell=1.0, ground_pixel=0.48123, heights="densification/height")
 
 
+COLOURS = ColourSums(
+    seen=(100, 200, 300, 400),
+    values=2500,
+    rejected=100,
+    difference_sum=1400.0,
+    difference_count=700,
+    shares={"a": 600.0, "b": 300.0},
+)
+
+
 def tile(**changes) -> TileTexture:
+    """A tile; changes of its own fields and of those of its colours."""
     facts = {
         "pixels": 1000,
-        "seen": (100, 200, 300, 400),
         "heights": (80, 860, 50, 10),
         "outside": 70,
         "hidden": 20,
         "missed": 10,
         "most": 4,
-        "values": 2500,
-        "rejected": 100,
-        "difference_sum": 1400.0,
-        "difference_count": 700,
         "photo_seen": {"a": 900, "b": 700},
-        "photo_share": {"a": 600.0, "b": 300.0},
     }
-    return TileTexture(**{**facts, **changes})
+    colours = {name: changes.pop(name) for name in ColourSums.model_fields if name in changes}
+    return TileTexture(**{**facts, **changes}, colours=COLOURS.model_copy(update=colours))
 
 
 def radiometry(**changes) -> Radiometry:
@@ -90,7 +98,7 @@ def test_shares_of_several_tiles_weight_by_pixels():
         difference_sum=0.0,
         difference_count=0,
         photo_seen={},
-        photo_share={},
+        shares={},
     )
     found = values(report(tile(), empty))
     assert found["pixels"] == 4000 and found["height_share"] == 23.0 and found["seen_by_3_or_more"] == 10.0
@@ -99,7 +107,7 @@ def test_shares_of_several_tiles_weight_by_pixels():
 
 
 def test_the_grid_adds_the_contributions_of_all_tiles():
-    (grid,) = report(tile(), tile(photo_seen={"b": 100}, photo_share={"b": 100.0})).grids
+    (grid,) = report(tile(), tile(photo_seen={"b": 100}, shares={"b": 100.0})).grids
     first, second = grid.rows
     assert first[:3] == ("a", 900, 60.0) and second[:3] == ("b", 800, 40.0)
     assert first[3:6] == (1.1, 1.0, 0.9) and first[9:] == (-0.15, 40)

@@ -13,10 +13,12 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
-from orthomill.tasks.colouring.blending.blending import Blend, Rejection
-from orthomill.tasks.texture import stage
-from orthomill.tasks.texture.relief import RELIEF, tile_relief
-from orthomill.tasks.texture.stage import SAMPLES_AT_MOST, TextureStage
+from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.blending.rejection import Rejection
+from orthomill.tasks.texture.ground.relief import RELIEF, tile_relief
+from orthomill.tasks.texture.plan import orthoimage_jobs
+from orthomill.tasks.texture.stage import TextureStage
 
 
 class View:
@@ -121,7 +123,7 @@ def test_points_are_the_matched_ones_of_all_tiles():
 
 
 def test_points_of_a_large_model_are_one_file_for_each_tile(monkeypatch):
-    monkeypatch.setattr(stage, "CELLS_OF_ONE_FILE", 119 * 120)
+    monkeypatch.setattr(orthoimage_jobs, "CELLS_OF_ONE_FILE", 119 * 120)
     clouds = [one for one in planned(View(tile=64)) if isinstance(one, Export) and "points" in one.path]
     assert [one.path for one in clouds] == [f"products/points/{row}-{col}.laz" for row in (0, 1) for col in (0, 1)]
     assert [len(one.tables) for one in clouds] == [1] * 4 and len({one.key for one in clouds}) == 4
@@ -134,7 +136,7 @@ def test_the_source_of_heights_is_a_product():
 
 @pytest.mark.parametrize(("kind", "power"), [("area", 1), ("area_squared", 2)])
 def test_the_power_of_the_area(kind, power):
-    assert rules(weights={"kind": kind}).blend.power == power
+    assert rules(weights={"kind": kind}).colours.blend.power == power
 
 
 @pytest.mark.parametrize(
@@ -147,22 +149,22 @@ def test_the_power_of_the_area(kind, power):
     ],
 )
 def test_rejection_has_its_centre_its_limit_and_its_least_deviation(settings, rule):
-    assert rules(rejection=settings).blend.rejection == rule
+    assert rules(rejection=settings).colours.blend.rejection == rule
 
 
 @pytest.mark.parametrize(("settings", "limit"), [({"kind": "average"}, 0.0), ({"kind": "prefer", "limit": 25.0}, 25.0)])
 def test_two_colours_are_averaged_or_the_heavier_one_preferred(settings, limit):
-    assert rules(two_colours=settings).blend.two_limit == limit
+    assert rules(two_colours=settings).colours.blend.two_limit == limit
 
 
 def test_the_photo_at_a_break_of_its_depth_may_be_the_one_that_goes():
     broken = rules(two_colours={"kind": "depth_break", "limit": 30.0})
-    assert broken.breaks and broken.blend.two_limit == 30.0
-    assert not rules(two_colours={"kind": "prefer"}).breaks
+    assert broken.colours.breaks and broken.colours.blend.two_limit == 30.0
+    assert not rules(two_colours={"kind": "prefer"}).colours.breaks
 
 
 def test_the_number_of_blended_photos():
-    assert rules(best=3).blend == Blend(Rejection("mean", 1.0, 12.0), 1, 3, 0.0)
+    assert rules(best=3).colours.blend == Blend(Rejection("mean", 1.0, 12.0), 1, 3, 0.0)
 
 
 @pytest.mark.parametrize(("margin", "ramp", "rim"), [(0.0, 0.0, 2), (1.0, 2.0, 5), (3.5, 4.0, 10)])
@@ -186,7 +188,7 @@ def test_the_tolerance_of_visibility(tolerance, expected):
 
 def test_the_bridge_and_the_feather():
     found = rules(bridge=50, feather=0.3, edges={"kind": "keep"})
-    assert found.bridge == 50 and found.feather == 0.3 and found.halo == 50 + found.rim + 1
+    assert found.bridge == 50 and found.colours.feather == 0.3 and found.halo == 50 + found.rim + 1
 
 
 @pytest.mark.parametrize(

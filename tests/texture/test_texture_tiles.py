@@ -12,16 +12,21 @@ from box_scene_stages import GAINS, VIGNETTING, photograph
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import HeightSource, Provenance
-from orthomill.tasks.colouring.balance.radiometric_balance import PhotoRadiometry, Radiometry, Samples, balance_block, corrected
-from orthomill.tasks.colouring.blending.blending import Blend, Rejection
+from orthomill.tasks.colouring.balance.balancing import balanced_block
+from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry, corrected
+from orthomill.tasks.colouring.balance.radiometric_balance import balance_block
+from orthomill.tasks.colouring.balance.shared_ground import Samples
+from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.blending.colour_rules import ColourRules
+from orthomill.tasks.colouring.blending.rejection import Rejection
 from orthomill.tasks.colouring.sampling.ground_sampling import Ground, ground_of, sample_photo
 from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
 from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.texture.draping import block_heights
-from orthomill.tasks.texture.extent import ortho_grid, tile_extent
-from orthomill.tasks.texture.mosaic import TextureRules, balance, sample_tile, texture_tile
-from orthomill.tasks.texture.relief import ReliefMap, tile_relief
+from orthomill.tasks.texture.ground.draping import block_heights
+from orthomill.tasks.texture.ground.extent import ortho_grid, tile_extent
+from orthomill.tasks.texture.ground.relief import ReliefMap, tile_relief
+from orthomill.tasks.texture.mosaic import TextureRules, sample_tile, texture_tile
 
 WHOLE = Window(0, 0, 240, 240)
 RULES = TextureRules(
@@ -30,9 +35,8 @@ RULES = TextureRules(
     drape_reach=0.0,
     widening_margin=1.0,
     widening_ramp=2.0,
-    feather=0.15,
     sharpen=True,
-    blend=Blend(Rejection("mean", 1.0, 12.0)),
+    colours=ColourRules(0.15, Blend(Rejection("mean", 1.0, 12.0))),
 )
 SOURCES = [PhotoSource(view(name), 0, (420, 420, 3)) for name in CENTRES]
 
@@ -51,7 +55,7 @@ def radiometry(photos) -> Radiometry:
     extent = tile_extent(relief(heights()), ORTHO, WHOLE, SOURCES, RULES.halo)
     pixels = tuple(photos[part.name][part.window.slices] for part in extent.photos)
     samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 4)
-    return balance((samples,), block(), False, "block", True)
+    return balanced_block((samples,), block(), False, "block", True)
 
 
 def make(
@@ -185,17 +189,17 @@ def test_without_the_visibility_test_it_would_be(photos, radiometry):
 
 @pytest.mark.parametrize("centre", ["mean", "median", "deviation"])
 def test_vehicles_are_suppressed(photos, radiometry, centre):
-    rules = replace(RULES, blend=Blend(Rejection(centre, 3.0 if centre == "deviation" else 1.0, 12.0)))
+    rules = replace(RULES, colours=ColourRules(0.15, Blend(Rejection(centre, 3.0 if centre == "deviation" else 1.0, 12.0))))
     rasters, statistics = make(photos, radiometry, rules=rules)
     for place in ((80, 85, 30, 33), (30, 35, 90, 93), (38, 43, 90, 93)):
         where = near(place, 1.0)
         assert np.abs(rasters["ortho"][..., :3][where] - true_ortho()[where]).max() < 40
         assert (rasters["rejected"][near(place, -0.6)] == 1).all()
-    assert statistics[0].rejected < 0.01 * statistics[0].values
+    assert statistics[0].colours.rejected < 0.01 * statistics[0].colours.values
 
 
 def test_vehicles_stay_without_rejection(photos, radiometry):
-    rasters, _ = make(photos, radiometry, rules=replace(RULES, blend=Blend(Rejection("none"))))
+    rasters, _ = make(photos, radiometry, rules=replace(RULES, colours=ColourRules(0.15, Blend(Rejection("none")))))
     where = near((30, 35, 90, 93), -0.6)
     assert np.abs(rasters["ortho"][..., :3][where] - true_ortho()[where]).mean() > 10
 
@@ -215,9 +219,9 @@ def test_tiles_give_bit_for_bit_what_one_tile_gives(photos, radiometry, tile, re
 
 def test_coverage_counts_sum_to_all_pixels(ortho):
     rasters, statistics = ortho
-    assert sum(statistics[0].seen) == statistics[0].pixels == 240 * 240
+    assert sum(statistics[0].colours.seen) == statistics[0].pixels == 240 * 240
     assert (rasters["coverage"] >= 1).sum() == (rasters["ortho"][..., 3] > 0).sum()
-    assert statistics[0].seen[3] == (rasters["coverage"] >= 3).sum()
+    assert statistics[0].colours.seen[3] == (rasters["coverage"] >= 3).sum()
 
 
 def test_holes_stay_open_or_are_draped(photos, radiometry):
@@ -319,7 +323,7 @@ def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
     extent = tile_extent(relief(heights()), ORTHO, WHOLE, SOURCES, RULES.halo)
     pixels = tuple(deep[part.name][part.window.slices] for part in extent.photos)
     samples = sample_tile(heights()[extent.heights.slices], block(), pixels, extent, RULES, 6)
-    found = balance((samples,), block(), True, "block", True)
+    found = balanced_block((samples,), block(), True, "block", True)
     assert 14000 < found.white < 30000
     rasters, _ = make(deep, found)
     colour = rasters["ortho"][..., :3].astype(float)
@@ -344,9 +348,11 @@ def test_of_two_colours_the_one_at_a_break_of_the_depth_goes_in_any_tiling(photo
     """A model whose box is a cell too narrow: photographs show its rim where the ground should be, next to what the box hides."""
     narrow = np.where(cv2.erode(heights(), np.ones((3, 3))) > 0, heights(), np.float32(0.0))
     plain = replace(RULES, widening_margin=0.0, widening_ramp=0.0, sharpen=False)
-    two = replace(plain, blend=Blend(Rejection("none"), two_limit=24.0), breaks=True)
+    two = replace(plain, colours=ColourRules(0.15, Blend(Rejection("none"), two_limit=24.0), breaks=True))
     pair = [source for source in SOURCES if source.view.name in "ac"]
-    both, _ = make(photos, radiometry, rules=replace(plain, blend=Blend(Rejection("none"))), model=narrow, sources=pair)
+    both, _ = make(
+        photos, radiometry, rules=replace(plain, colours=ColourRules(0.15, Blend(Rejection("none")))), model=narrow, sources=pair
+    )
     chosen, _ = make(photos, radiometry, rules=two, model=narrow, sources=pair)
     changed = (both["ortho"] != chosen["ortho"]).any(axis=2)
     assert changed.any() and (both["coverage"][changed] == 2).all()

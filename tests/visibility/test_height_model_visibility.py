@@ -6,8 +6,8 @@ from box_scene import BOX, CENTRES, DSM, ORTHO, heights, sees, view
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.colouring.sampling.ground_sampling import ground_of
-from orthomill.tasks.texture.extent import heights_window
-from orthomill.tasks.texture.relief import ReliefMap, tile_relief
+from orthomill.tasks.texture.ground.extent import heights_window
+from orthomill.tasks.texture.ground.relief import ReliefMap, tile_relief
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets, widening_factor
 
 WHOLE = Window(0, 0, DSM.rows, DSM.cols)

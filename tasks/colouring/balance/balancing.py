@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from orthomill.schemas.orientation import Block
 from orthomill.tasks.colouring.balance.histogram_matching import matched_block
-from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, Samples, balance_block
+from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
+from orthomill.tasks.colouring.balance.radiometric_balance import balance_block
+from orthomill.tasks.colouring.balance.shared_ground import Samples
 
+# 16 bits are stretched so that the brightest thousandth of the samples keeps a margin below white: specular points may saturate.
 _BRIGHTEST, _BRIGHT_MARGIN = 0.999, 1.05
 
 
@@ -24,3 +28,8 @@ def balanced(samples: tuple[Samples, ...], names: tuple[str, ...], deep: bool, m
     if method == "none":
         return balance_block(names, merged.take(np.zeros(len(merged), bool)), white, vignetting)
     return balance_block(names, merged, white, vignetting)
+
+
+def balanced_block(samples: tuple[Samples, ...], block: Block, deep: bool, method: str, vignetting: bool) -> Radiometry:
+    """The radiometry of the photographs of a block from the samples of all tiles: see `balanced`."""
+    return balanced(samples, block.names, deep, method, vignetting)

@@ -10,15 +10,8 @@ Source: Petsa et al. 2007 (sources/blending.md, M19); method and reference are n
 
 import numpy as np
 
-from orthomill.tasks.colouring.balance.radiometric_balance import (
-    GreyCurve,
-    PhotoRadiometry,
-    Radiometry,
-    Samples,
-    corrected,
-    pair_differences,
-    usable_samples,
-)
+from orthomill.tasks.colouring.balance.photo_radiometry import GreyCurve, PhotoRadiometry, Radiometry, corrected
+from orthomill.tasks.colouring.balance.shared_ground import Samples, pair_differences, usable_samples
 
 KNOTS = 17
 """quantiles of a curve"""

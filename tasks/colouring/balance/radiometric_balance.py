@@ -14,11 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from pydantic import BaseModel, ConfigDict
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from orthomill.schemas.job import Columns
+from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry, corrected
+from orthomill.tasks.colouring.balance.shared_ground import Samples, grouped, pair_differences, usable_samples
 
 TERMS = 4
 """gain, gain v1, gain v2, offset"""
@@ -31,122 +31,7 @@ _FIXED_SIGMA = 1e-6
 _LEAST_SIGMA = 0.1  # grey levels: simulated photographs may fit exactly, and weights must stay finite
 _DATUM_WEIGHT = 1e3  # per observation: the two datum equations hold to a thousandth of their share
 _CONVERGED = 1e-5  # largest change of a parameter: of a gain, or of an offset in grey levels
-_SATURATED = 0.012  # share of the range, three grey levels of 8 bits, next to black and white
 _MAD_TO_SIGMA = 1.4826
-
-
-@dataclass(frozen=True)
-class Samples(Columns):
-    """One row per photo that sees a sample of the ground; rows of a point follow each other."""
-
-    point: np.ndarray
-    """int64: number of the sample on the ground"""
-    photo: np.ndarray
-    """int32: number of the photo in the block"""
-    r2: np.ndarray
-    """float32: squared distance from the photo's middle, half diagonals"""
-    first: np.ndarray
-    second: np.ndarray
-    third: np.ndarray
-    """float32 grey values; equal for a grey photo"""
-
-    @property
-    def grey(self) -> np.ndarray:
-        """(N, 3)"""
-        return np.column_stack([self.first, self.second, self.third]).astype(np.float64)
-
-
-class GreyCurve(BaseModel):
-    """Grey values that become others: linear between those given, at the same distance beyond them."""
-
-    model_config = ConfigDict(frozen=True)
-
-    start: tuple[float, ...]
-    end: tuple[float, ...]
-
-
-class PhotoRadiometry(BaseModel):
-    """Correction of the grey values of one photograph to those of the block.
-
-    (g - offset) / (gain (1 + v1 r^2 + v2 r^4)), or a curve for each channel.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    photo: str
-    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    v1: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    v2: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    curves: tuple[GreyCurve, ...] = ()
-    samples: int = 0
-
-
-class Radiometry(BaseModel):
-    """The balance of all photographs, and the range of grey values that is stretched to 0 to 255."""
-
-    model_config = ConfigDict(frozen=True)
-
-    photos: tuple[PhotoRadiometry, ...]
-    black: float = 0.0
-    white: float = 255.0
-    samples: int = 0
-    points: int = 0
-    difference_before: float | None = None
-    difference_after: float | None = None
-    """mean absolute difference of two photos at the same sample, grey levels"""
-    difference_median_after: float | None = None
-
-    def of(self, name: str) -> PhotoRadiometry:
-        """The correction of one photograph."""
-        return next(photo for photo in self.photos if photo.photo == name)
-
-
-def corrected(grey: np.ndarray, r2: np.ndarray, photo: PhotoRadiometry) -> np.ndarray:
-    """Grey values (..., bands) of a photo at `r2` (...) corrected to the block's radiometry; bands 1 or 3. float32."""
-    # float32 throughout: every pixel of every photograph passes here, and 24 bits are ample for grey values.
-    out = np.ascontiguousarray(grey, np.float32).reshape(-1, grey.shape[-1]).copy()
-    if photo.curves:
-        for band in range(out.shape[1]):
-            out[:, band] = _along(out[:, band], photo.curves[band])
-        return out.reshape(grey.shape)
-    correct(out, np.ascontiguousarray(r2, np.float32).ravel(), correction_terms(photo))
-    return out.reshape(grey.shape)
-
-
-def correction_terms(photo: PhotoRadiometry, scale: float = 1.0) -> np.ndarray:
-    """What `correct` needs, float32 (5, 3): gain, offset, v1, v2 by channel, and a factor on the result."""
-    return np.array([photo.gain, photo.offset, photo.v1, photo.v2, (scale,) * 3], np.float32)
-
-
-def _along(grey: np.ndarray, curve: GreyCurve) -> np.ndarray:
-    """Grey values (N,) after a curve."""
-    inside = np.clip(grey, curve.start[0], curve.start[-1])
-    return np.asarray(np.interp(inside, curve.start, curve.end) + (grey - inside), np.float32)
-
-
-@njit(cache=True, error_model="numpy")
-def correct(grey, r2, terms):
-    """Corrects grey (N, bands) in place; terms: see `correction_terms`."""
-    if grey.shape[1] == 3:
-        _correct_bands(grey, r2, terms, 3)
-    else:
-        _correct_bands(grey, r2, terms, grey.shape[1])
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def _correct_bands(grey, r2, terms, bands):
-    one = np.float32(1.0)
-    for i in range(r2.size):
-        for band in range(bands):
-            falloff = one + r2[i] * (terms[2, band] + r2[i] * terms[3, band])
-            grey[i, band] = (grey[i, band] - terms[1, band]) / (terms[0, band] * falloff) * terms[4, band]
-
-
-def _grouped(point: np.ndarray) -> tuple[np.ndarray, int]:
-    """Points (N,) renumbered from 0 without gaps, and their number."""
-    numbers, group = np.unique(point, return_inverse=True)
-    return group, len(numbers)
 
 
 @dataclass(frozen=True)
@@ -305,25 +190,6 @@ def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
     return x.reshape(-1, TERMS)
 
 
-def usable_samples(samples: Samples, black: float, white: float) -> Samples:
-    """Samples that are not saturated, at points that two photos or more still see."""
-    grey = samples.grey
-    # A clipped grey value is no linear function of the ground's brightness.
-    edge = _SATURATED * (white - black)
-    samples = samples.take(np.all((grey > black + edge) & (grey < white - edge), axis=1))
-    if not len(samples):
-        return samples
-    group, count = _grouped(samples.point)
-    return samples.take(np.bincount(group, minlength=count)[group] >= 2)
-
-
-def pair_differences(point: np.ndarray, grey: np.ndarray) -> np.ndarray:
-    """Absolute differences (M,) of each row's grey values (N, bands), mean over bands, from the row before it at the same point."""
-    order = np.argsort(point, kind="stable")
-    same = point[order][1:] == point[order][:-1]
-    return np.abs(np.diff(grey[order], axis=0)).mean(axis=1)[same]
-
-
 def _photos(names: tuple[str, ...], parameters: np.ndarray, counts: np.ndarray) -> tuple[PhotoRadiometry, ...]:
     """From the adjusted parameters (3, photos, 4)."""
     gain, v1, v2 = parameters[..., 0], parameters[..., 1] / parameters[..., 0], parameters[..., 2] / parameters[..., 0]
@@ -361,7 +227,7 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
     samples = samples.take(np.argsort(samples.point, kind="stable"))
     # Solved in grey levels of 8 bits, in which the prior and the thresholds are stated; offsets are scaled back.
     unit = white / 255.0
-    point, points = _grouped(samples.point)
+    point, points = grouped(samples.point)
     grey, r2 = samples.grey / unit, samples.r2.astype(np.float64)
     channels = (_Channel(samples.photo, point, r2, grey[:, band], len(names), points) for band in range(3))
     solved = np.array([_solve_channel(channel, vignetting) for channel in channels])
@@ -376,16 +242,3 @@ def balance_block(names: tuple[str, ...], samples: Samples, white: float, vignet
         difference_after=float(differences.mean()),
         difference_median_after=float(np.median(differences)),
     )
-
-
-def seen_twice(rows: list[tuple[np.ndarray, ...]]) -> Samples:
-    """The samples of points that two photos or more see, sorted by point, then photo. rows: columns of one photo each."""
-    columns = [np.concatenate(column) for column in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 6
-    point, photo = columns[0].astype(np.int64), columns[1].astype(np.int32)
-    r2, first, second, third = (column.astype(np.float32) for column in columns[2:])
-    samples = Samples(point, photo, r2, first, second, third)
-    if not len(samples):
-        return samples
-    _, group, counts = np.unique(point, return_inverse=True, return_counts=True)
-    order = np.lexsort((photo, point))
-    return samples.take(order[counts[group][order] >= 2])

@@ -16,7 +16,7 @@ from orthomill.tasks.colouring.edges.likeness import REACH as COLOUR_REACH
 from orthomill.tasks.colouring.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
 from orthomill.tasks.colouring.edges.wall_surfaces import REACH as HEIGHT_REACH
 from orthomill.tasks.colouring.edges.wall_surfaces import WallSurfaces, at_pixels, wall_surfaces
-from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, most_bands
+from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph, bands_of
 from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, every
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
@@ -120,7 +120,7 @@ def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
     examples = _examples(walls, certain, photos, divisor)
     shape = walls.doubtful.shape
     whole = Likeness(np.full(shape, np.nan, np.float32), np.zeros((2, len(photos), *shape), bool))
-    guides = [np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2)]
+    guides = [np.zeros((*shape, bands_of(photos)), np.float32) for _ in range(2)]
     for rows in walls.strips:
         chosen = walls.doubtful[rows]
         if not chosen.any():
@@ -139,7 +139,7 @@ def _both(
     """Colours (photos, rows, cols, bands) at both heights, and where both are shown (photos, rows, cols) bool."""
     factor = chosen.astype(np.float32)
     shape = len(photos), *chosen.shape
-    upper, lower = (np.zeros((*shape, most_bands(photos)), np.float32) for _ in range(2))
+    upper, lower = (np.zeros((*shape, bands_of(photos)), np.float32) for _ in range(2))
     shown = np.zeros(shape, bool)
     for k, photo in enumerate(photos):
         above, below = (np.zeros((2, *chosen.shape), np.float32) for _ in range(2))
@@ -180,7 +180,7 @@ def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
     ground = Ground(grid, nodes, z, flat, flat)
     x, y = grid.centres(nodes)
     targets = Targets(*certain.grid.pixel(x, y)[::-1], z, flat)
-    total, weights = np.zeros((*z.shape, most_bands(photos)), np.float32), np.zeros(z.shape, np.float32)
+    total, weights = np.zeros((*z.shape, bands_of(photos)), np.float32), np.zeros(z.shape, np.float32)
     for photo in photos:
         # Ground that a roof hides would show the roof.
         seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)

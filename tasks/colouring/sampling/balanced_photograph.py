@@ -5,13 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.job import Table
-from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry, corrected, correction_terms
+from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry, correction_terms, in_block
 from orthomill.tasks.colouring.sampling.ground_sampling import Ground, Sampled, sample_into, sample_photo
-from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
+from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt, most_bands
 from orthomill.tasks.geometry.view import View
-
-RADIOMETRY = Table("texture/radiometry.json", Radiometry)
 
 
 @dataclass(frozen=True)
@@ -35,10 +32,10 @@ class BalancedPhotograph:
             sample_into(found, self.view, self.part, ground, factor, feather, correction_terms(correction, scale))
             return
         sampled = sample_photo(self.view, self.part, ground, factor, feather)
-        found.colour[:] = corrected(sampled.colour, sampled.r2, correction) * scale
+        found.colour[:] = in_block(sampled.colour, sampled.r2, self.view.name, self.balance)
         found.worth[:], found.r2[:] = sampled.worth, sampled.r2
 
 
-def most_bands(photos: Sequence[BalancedPhotograph]) -> int:
-    """Channels of colours that all photographs fit in: 1 or 3; a grey photograph has three equal ones among coloured ones."""
-    return max((int(photo.part.pixels.shape[2]) for photo in photos), default=1)
+def bands_of(photos: Sequence[BalancedPhotograph]) -> int:
+    """Channels of colours that all photographs fit in: see `most_bands`."""
+    return most_bands(photo.part.pixels for photo in photos)

@@ -15,8 +15,14 @@ import numpy as np
 from numba import njit
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.colouring.balance.radiometric_balance import correct
-from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt, border_colours, inner_colours, part_pixels
+from orthomill.tasks.colouring.balance.photo_radiometry import correct
+from orthomill.tasks.colouring.sampling.photograph_colours import (
+    LEAST_WORTH,
+    PhotoPixelsAt,
+    border_colours,
+    inner_colours,
+    part_pixels,
+)
 from orthomill.tasks.geometry.view import FIELD_MARGIN, View, empty_row, frame_row, in_frame
 from orthomill.tasks.visibility.height_model import WALL
 
@@ -25,7 +31,6 @@ STEEPEST = 3.0
 LEAST_FACING = 0.05
 """Least n . d as a share of the height difference: a visible cell keeps some weight even where its noisy normal faces away."""
 _RUN = 64  # pixels of a row that are placed, coloured and corrected while they are in the processor's nearest cache
-_LEAST_WORTH = 1e-12  # a visible pixel differs from an invisible one, even on the very border of the photo
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     diagonal = np.float32(1.0 / (half_width**2 + half_height**2))
     scale, softness = np.float32((n.c * cells.cell) ** 2), np.float32(1.0 / max(limits.feather, 1e-30))
-    facing_least, least, dy = np.float32(LEAST_FACING), np.float32(_LEAST_WORTH), np.float32(y - n.yc)
+    facing_least, least, dy = np.float32(LEAST_FACING), np.float32(LEAST_WORTH), np.float32(y - n.yc)
     for j in range(worth.size):
         dx, above = np.float32(x[j] - n.xc), np.float32(n.zc - z[j])
         off_col, off_row = np.float32(line.col[j] - half_width), np.float32(line.row[j] - half_height)

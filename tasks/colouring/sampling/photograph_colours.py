@@ -3,6 +3,7 @@
 Bicubic after Keys 1981, a = -1/2, which reproduces a linear ramp exactly. Callers compute the places, a row of them at a time.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,6 +13,9 @@ from numba import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.cubic_vectors import three_bands
 from orthomill.tasks.imagery.pyramid import level_shape
+
+LEAST_WORTH = 1e-12
+"""Weight of a colour at least: a visible place differs from an invisible one, even on the very border of the photograph."""
 
 
 @dataclass(frozen=True)
@@ -148,3 +152,9 @@ def colours_at(photo: PhotoPixelsAt, size: tuple[int, int], places: np.ndarray) 
         if inner_colours(part.pixels.reshape(-1), part.pixels.shape, part.origin, line, worth, colour):
             border_colours(part.pixels, part.last, part.origin, line, worth, colour)
     return colour, (worth > 0) & bool(photo.pixels.size)
+
+
+def most_bands(photos: Iterable[np.ndarray]) -> int:
+    """Channels of colours that the pixels (rows, cols, bands) of all photographs fit in: 1 or 3; a grey photograph has three equal
+    ones among coloured ones."""
+    return max((int(pixels.shape[2]) for pixels in photos), default=1)

@@ -5,7 +5,7 @@ by a small window; a Laplace filter finds its edges; these are points of the sur
 dilated there by what the mesh and the orientation are worth. Colours from that zone serve only where there are no others. Hidden
 specks smaller than a number of pixels are removed before, by their connected components, so that noise makes no holes.
 
-How much mesh and orientation are worth nobody knows beforehand: several widths are drawn, and `width_trials.py` finds the best one.
+How much mesh and orientation are worth nobody knows beforehand: several widths are drawn, and the stage finds the best one.
 
 Source: Petsa et al. 2007 (sources/blending.md, M10).
 """
@@ -71,6 +71,11 @@ class ChosenWidth(BaseModel):
 
 
 NO_ZONE = ChosenWidth()
+
+
+def fixed_width(width: float) -> ChosenWidth:
+    """The width that a workflow states."""
+    return ChosenWidth(zone=1, width=width)
 
 
 @dataclass(frozen=True)

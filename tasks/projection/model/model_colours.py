@@ -16,10 +16,12 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.job import Columns, FileBytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.solid.census import MeshCensus
-from orthomill.tasks.colouring.balance.radiometric_balance import Radiometry
+from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
+from orthomill.tasks.colouring.blending.colour_rules import ColourRules
+from orthomill.tasks.colouring.blending.painting import rgba
+from orthomill.tasks.colouring.blending.surface_colours import ShownPhotographs, tile_colours
 from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.colouring.sight.sight_rasters import TilePoints, point_sights
-from orthomill.tasks.colouring.surface_colours import ColourRules, ShownPhotographs, tile_colours
 from orthomill.tasks.colouring.widening.hidden_edges import NO_ZONE, ChosenWidth
 from orthomill.tasks.geometry.photograph_part import PhotoPart
 from orthomill.tasks.projection.model.glb import ModelPart, as_glb, as_jpeg
@@ -136,10 +138,10 @@ class _Painter:
         surface = TilePoints(np.arange(len(points)), points, triangle, corners, np.zeros_like(points))
         block, origin, facing = self.shown.block, self.shown.origin, self.shown.facing
         codes = point_sights(surface, self.rasters, block, origin, facing, self.at_hand, self.tile.seen, self.tolerance, self.masks)
-        found = tile_colours(surface, codes[None], self.shown, self.rules.feather).blended(self.rules, self.widening.at_breaks)
+        found = tile_colours(surface, codes[None], self.shown, self.rules).blended(self.rules, self.widening.at_breaks)
         out = np.full((len(points), 4), UNSEEN, np.uint8)
         known = found.used[0] > 0
-        out[known, :3] = np.clip(np.floor(found.colour[0][known] + 0.5), 0, 255)
+        out[known, :3] = rgba(found)[0][known, :3]
         out[:, 3] = np.where(known, 255, 0)
         return out, (codes >= PlaceSight.AT_BREAK).sum(axis=1).astype(np.uint8)
 

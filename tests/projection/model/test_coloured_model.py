@@ -15,7 +15,7 @@ from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.colouring.sight.facing import MeshFacing
 from orthomill.tasks.geometry.topocentric import geocentric_matrix
-from orthomill.tasks.projection.depth_rasters import depth_picture
+from orthomill.tasks.projection.mesh.depth_rasters import depth_picture
 from orthomill.tasks.projection.model.glb import as_glb, from_jpeg, glb_parts
 from orthomill.tasks.projection.model.model_colours import UNSEEN, ColouredCorners
 from orthomill.tasks.projection.model.model_files import TreeNode, tileset

@@ -5,9 +5,11 @@ import pytest
 
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import CylinderFrame, FlatFrame
-from orthomill.tasks.colouring.surface_colours import ProjectionTile
-from orthomill.tasks.projection.reporting.output_doubts import degrees_before, output_doubts
-from orthomill.tasks.projection.reporting.output_totals import OutputFacts, OutputTotals
+from orthomill.tasks.colouring.blending.colour_sums import ColourSums
+from orthomill.tasks.projection.frames.seen_planes import degrees_before
+from orthomill.tasks.projection.report.output_doubts import output_doubts
+from orthomill.tasks.projection.report.output_totals import OutputFacts, OutputTotals
+from orthomill.tasks.projection.tiles.output_colours import ProjectionTile
 
 FRONT = FlatFrame(
     name="front",
@@ -25,9 +27,8 @@ CENSUS = MeshCensus(
 
 
 def said(surface=1200, coloured=0, backs=0, before=45.0, cut=False) -> str:
-    none = {"pixels": 1200, "seen": (0, 0, 0, 0), "rejected": 0, "values": 0, "zone": 0, "difference_sum": 0.0}
-    none |= {"difference_count": 0, "shares": {}, "sights": {}}
-    tile = ProjectionTile(surface=surface, coloured=coloured, backs=backs, **none)
+    none = ColourSums(seen=(0, 0, 0, 0), rejected=0, values=0, difference_sum=0.0, difference_count=0, shares={})
+    tile = ProjectionTile(pixels=1200, surface=surface, colours=none, coloured=coloured, backs=backs, zone=0, sights={})
     totals = OutputTotals(OutputFacts(FRONT, 1, 0.1, before, cut), (tile,))
     return " ".join(output_doubts(CENSUS, [totals]))
 

@@ -10,7 +10,7 @@ from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.projection.projection_frames import looking_at
+from orthomill.tasks.projection.frames.projection_frames import looking_at
 
 LOW, HIGH = np.array([-0.3, -1.0, 0.0]), np.array([0.3, -0.6, 2.0])
 """corners of the box, m; the wall is y = 0, x from -2 to 2, z from 0 to 3, seen from negative y"""

@@ -1,0 +1,1 @@
+"""The jobs and regions that the stages which colour a surface have in common."""

@@ -1,0 +1,1 @@
+"""Where the outputs lie in space."""

@@ -1,0 +1,1 @@
+"""The mesh made ready: mended, cut into blocks, drawn into depth rasters."""

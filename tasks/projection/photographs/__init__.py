@@ -1,0 +1,1 @@
+"""Which photographs take part, which of their pixels, and what they prove of each other."""

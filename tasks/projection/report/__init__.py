@@ -1,0 +1,1 @@
+"""What the stage `projection` tells of outputs, surfaces and photographs."""

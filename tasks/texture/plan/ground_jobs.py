@@ -1,0 +1,65 @@
+"""The jobs that make the surface model ready for the orthoimage: its ground without holes, and its relief."""
+
+from collections.abc import Iterator
+from math import nan
+
+from orthomill.schemas.job import Job, Raster, Reading
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
+from orthomill.tasks.imagery.pull_push import filled
+from orthomill.tasks.texture.ground.draping import BLOCK, block_grid, block_heights, blocks_of
+from orthomill.tasks.texture.ground.relief import RELIEF, relief_table, tile_relief, whole_relief
+
+BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
+"""float32 m: mean heights of blocks of 16 x 16 cells of the surface model, NaN in holes; the same with every hole closed"""
+
+
+def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterSpec | Job]:
+    """The mean heights of the blocks of the whole model, tile by tile, and their gaps closed over the whole model."""
+    grid, chunk = block_grid(dsm), size // BLOCK
+    for name in (BLOCK_HEIGHTS, GROUND):
+        yield map_raster(name, grid, "float32", crs, chunk, nodata=nan, unit="m", axes=("ground_y", "ground_x"))
+    for tile in tiles_of(dsm.shape, size):
+        yield Job(
+            stage="texture",
+            item="blocks",
+            function=block_heights,
+            reads={"heights": Raster(heights, tile.window)},
+            writes={"blocks": Raster(BLOCK_HEIGHTS, blocks_of(tile.window))},
+            row=tile.row,
+            col=tile.col,
+            # A known flag, its sum and the sum of heights in float64 per cell, for the first of the halvings.
+            scratch=16 * tile.window.height * tile.window.width,
+        )
+    whole = Window(0, 0, *grid.shape)
+    yield Job(
+        stage="texture",
+        item="ground",
+        function=filled,
+        reads={"values": Raster(BLOCK_HEIGHTS, whole)},
+        writes={"ground": Raster(GROUND, whole)},
+        scratch=40 * grid.rows * grid.cols,
+    )
+
+
+def relief_jobs(dsm: MapGrid, size: int, heights: str, draped: bool) -> Iterator[Job]:
+    """The relief of the whole model, tile by tile and then together: what the tiles of the orthoimage read follows from it."""
+    tables = []
+    for tile in tiles_of(dsm.shape, size):
+        reads: dict[str, Reading] = {"heights": Raster(heights, tile.window)}
+        if draped:
+            reads["ground"] = Raster(GROUND, blocks_of(tile.window))
+        tables.append(relief_table(tile.row, tile.col))
+        yield Job(
+            stage="texture",
+            item="relief",
+            function=tile_relief,
+            reads=reads,
+            writes={"relief": tables[-1]},
+            params={"window": tile.window},
+            row=tile.row,
+            col=tile.col,
+            scratch=8 * tile.window.height * tile.window.width,
+        )
+    yield Job(
+        stage="texture", item="whole-relief", function=whole_relief, reads={"parts": tuple(tables)}, writes={"relief": RELIEF}
+    )

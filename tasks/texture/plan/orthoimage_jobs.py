@@ -1,0 +1,224 @@
+"""The jobs of the orthoimage: samples of all tiles, the balance of the block, its tiles, and what is taken away."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import median
+
+from orthomill.schemas.job import Export, Job, Raster, Reading, Table
+from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import (
+    CORRECTED,
+    COUNT,
+    HEIGHT,
+    HEIGHT_SOURCE,
+    ORTHO,
+    PRECISION,
+    PROVENANCE,
+    RELATIVE_PRECISION,
+    SURFACE,
+    Surface,
+    points_table,
+)
+from orthomill.tasks.colouring.balance.shared_ground import Samples
+from orthomill.tasks.colouring.colour_settings import ColourSettings
+from orthomill.tasks.colouring.plan.balance_jobs import COARSER, balance_job, photo_pixels, radiometry_table
+from orthomill.tasks.colouring.sampling.photo_levels import photo_source
+from orthomill.tasks.geometry.photograph_part import PhotoSource
+from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.texture.ground.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
+from orthomill.tasks.texture.ground.relief import RELIEF, ReliefMap
+from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, sample_tile, texture_tile
+from orthomill.tasks.texture.plan.ground_jobs import GROUND, ground_jobs, relief_jobs
+from orthomill.tasks.texture.report.texture_report import COVERAGE, REJECTED, TextureFacts, texture_report
+
+CELLS_OF_ONE_FILE = 40_000_000
+"""Cells of the surface model up to which its points are one file; about as many points, of about ten bytes each."""
+RADIOMETRY = radiometry_table("texture")
+
+
+def samples_table(tile: Tile) -> Table[Samples]:
+    """Samples of a tile for the balance."""
+    return Table(f"texture/samples/{tile.row}-{tile.col}.parquet", Samples)
+
+
+def statistics_table(tile: Tile) -> Table[TileTexture]:
+    """Sums over a tile."""
+    return Table(f"texture/statistics/{tile.row}-{tile.col}.json", TileTexture)
+
+
+@dataclass(frozen=True, eq=False)
+class OrthoimageJobs:
+    """The jobs of an orthoimage with pixels of `cell` m (None: about those of the photographs), `draped` over holes."""
+
+    view: ProjectView
+    settings: ColourSettings
+    cell: float | None
+    draped: bool
+
+    @cached_property
+    def block(self) -> Block:
+        """The oriented photographs."""
+        return self.view.table(BLOCK)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface model."""
+        return self.view.table(SURFACE)
+
+    @cached_property
+    def photos(self) -> Photos:
+        """What is known of the photographs."""
+        return self.view.table(PHOTOS)
+
+    @cached_property
+    def heights(self) -> str:
+        """The raster of heights; the one named here decides which stage the tiles wait for."""
+        return CORRECTED if self.view.has_stage("dsm_check") else HEIGHT
+
+    @cached_property
+    def views(self) -> list[View]:
+        """The photographs in the order of the block."""
+        return [block_view(self.block, name) for name in self.block.names]
+
+    @cached_property
+    def pixels(self) -> list[float]:
+        """Side of their pixels on the ground, m."""
+        return ground_pixels(self.views, self.block.ground_mean)
+
+    @cached_property
+    def ortho(self) -> MapGrid:
+        """The pixels of the orthoimage."""
+        return ortho_grid(self.surface.grid, self.cell, median(self.pixels))
+
+    @cached_property
+    def tiles(self) -> list[Tile]:
+        """Of the orthoimage."""
+        return list(tiles_of(self.ortho.shape, self.view.project.tile))
+
+    def all(self, rules: TextureRules) -> Iterator[RasterSpec | Job | Export]:
+        """All jobs; planning waits for the relief, from which it follows what the tiles read."""
+        dsm, size = self.surface.grid, self.view.project.tile
+        yield from self._rasters()
+        if self.draped:
+            yield from ground_jobs(dsm, self.block.crs, size, self.heights)
+        yield from relief_jobs(dsm, size, self.heights, self.draped)
+        relief = ReliefMap(self.view.table(RELIEF), dsm)
+        yield from self._samples(relief, rules)
+        dtypes = [self.view.raster(photo_raster(name, 0)).dtype for name in self.block.names]
+        yield balance_job("texture", self.settings, self.block.names, dtypes, map(samples_table, self.tiles))
+        yield from self._orthoimage(relief, rules)
+        yield self._report()
+        yield from self._products()
+
+    def _rasters(self) -> Iterator[RasterSpec]:
+        ortho, crs, size = self.ortho, self.block.crs, self.view.project.tile
+        yield map_raster(ORTHO, ortho, "uint8", crs, size, bands=4)
+        yield map_raster(COVERAGE, ortho, "uint8", crs, size, unit="photos")
+        yield map_raster(REJECTED, ortho, "uint8", crs, size, unit="colours")
+        yield map_raster(HEIGHT_SOURCE, ortho, "uint8", crs, size)
+
+    def _sources(self, wanted: float) -> list[PhotoSource]:
+        """The photographs at the level with pixels of about `wanted` m."""
+        known = zip(self.views, self.pixels, strict=True)
+        return [photo_source(view, self.photos[view.name], pixel, wanted) for view, pixel in known]
+
+    def _samples(self, relief: ReliefMap, rules: TextureRules) -> Iterator[Job]:
+        spacing = self.settings.sample_spacing(self.ortho.rows * self.ortho.cols)
+        coarse = self._sources(COARSER * self.ortho.cell)
+        for tile in self.tiles:
+            extent = tile_extent(relief, self.ortho, tile.window, coarse, rules.halo)
+            yield Job(
+                stage="texture",
+                item="samples",
+                function=sample_tile,
+                reads=self._reads(extent),
+                writes={"samples": samples_table(tile)},
+                params={"extent": extent, "rules": rules, "spacing": spacing},
+                row=tile.row,
+                col=tile.col,
+                scratch=_sample_scratch(extent),
+            )
+
+    def _orthoimage(self, relief: ReliefMap, rules: TextureRules) -> Iterator[Job]:
+        rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
+        fine = self._sources(self.ortho.cell)
+        for tile in self.tiles:
+            extent = tile_extent(relief, self.ortho, tile.window, fine, rules.halo, rules.around)
+            reads = {
+                **self._reads(extent),
+                "precision": Raster(RELATIVE_PRECISION, extent.heights),
+                "provenance": Raster(PROVENANCE, extent.heights),
+                "radiometry": RADIOMETRY,
+            }
+            if self.draped:
+                reads["ground"] = Raster(GROUND, extent.ground)
+            yield Job(
+                stage="texture",
+                item="ortho",
+                function=texture_tile,
+                reads=reads,
+                writes={**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": statistics_table(tile)},
+                params={"extent": extent, "rules": rules},
+                row=tile.row,
+                col=tile.col,
+                scratch=_tile_scratch(extent) + (_edge_scratch(extent, rules) if rules.sharpen else 0),
+            )
+
+    def _reads(self, extent: TileExtent) -> dict[str, Reading]:
+        return {"heights": Raster(self.heights, extent.heights), "block": BLOCK, "photos": photo_pixels(extent.photos)}
+
+    def _report(self) -> Job:
+        facts = TextureFacts(
+            cell=self.ortho.cell, dsm_cell=self.surface.grid.cell, ground_pixel=median(self.pixels), heights=self.heights
+        )
+        return Job(
+            stage="texture",
+            item="report",
+            function=texture_report,
+            reads={"statistics": tuple(map(statistics_table, self.tiles)), "radiometry": RADIOMETRY},
+            writes={"report": report_table("texture")},
+            params={"facts": facts},
+        )
+
+    def _products(self) -> Iterator[Export]:
+        """The orthoimage; the matched points, in a file for each tile where the model is large, and its cells, coloured."""
+        dsm = self.surface.grid
+        yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
+        yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
+        tiles = tiles_of(dsm.shape, self.view.project.tile)
+        tables = {(tile.row, tile.col): points_table(tile.row, tile.col) for tile in tiles}
+        if dsm.rows * dsm.cols <= CELLS_OF_ONE_FILE:
+            yield Export("texture", "points", "products/points.laz", "laz", {"rgb": ORTHO}, tuple(tables.values()))
+        else:
+            for (row, col), table in tables.items():
+                path = f"products/points/{row}-{col}.laz"
+                yield Export("texture", f"points-{row}-{col}", path, "laz", {"rgb": ORTHO}, (table,))
+        attributes = {"z": self.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT, "code": PROVENANCE}
+        yield Export("texture", "cells", "products/dsm_cells.laz", "laz", attributes)
+
+
+def _sample_scratch(extent: TileExtent) -> int:
+    """Bytes for the bridged model and the ground of the tile."""
+    return 64 * extent.heights.height * extent.heights.width + 16 * extent.window.height * extent.window.width
+
+
+def _tile_scratch(extent: TileExtent) -> int:
+    """Bytes for the bridged models, ground and weight factors of the tile, and the colours of one strip."""
+    photos = len(extent.photos)
+    cells = extent.heights.height * extent.heights.width
+    pixels = extent.window.height * extent.window.width
+    # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part, as they
+    # are and as low as they may well be.
+    return (32 + 52) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+
+
+def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:
+    """Bytes for both surfaces, examples and scores of the pixels around the tile, and the colours of one strip at both heights."""
+    wide = extent.window.grown(rules.around * extent.divisor)
+    photos, cells = len(extent.photos), wide.height * wide.width // extent.divisor**2
+    return 80 * cells + (90 + 3 * photos) * wide.height * wide.width + 32 * wide.width * photos * 40

@@ -1,0 +1,1 @@
+"""What the stage `texture` tells of its orthoimage."""
