@@ -24,12 +24,13 @@ VARIANTS = {"sequential": ("--sequential",), "1 worker": ("--workers", "1"), "4 
 
 
 def digests(run: Path) -> dict[str, str]:
-    """Digest of every raster's pixels and of every table's bytes of a run."""
+    """Digest of every raster's pixels, and of the bytes of every table and product of a run."""
     store = Store(run)
     found = {name: hashlib.sha256(store.read(name, store.spec(name).full).tobytes()).hexdigest() for name in store.names()}
-    tables = run / "tables"
-    files = [path for path in tables.rglob("*") if path.is_file()]
-    return found | {path.relative_to(tables).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    for place, folder in ((run / "tables", "."), (run, "products")):
+        files = [path for path in (place / folder).rglob("*") if path.is_file()]
+        found |= {path.relative_to(place).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return found
 
 
 def run_variant(folder: Path, words: tuple[str, ...], tile: int | None = None) -> Path:
@@ -55,7 +56,7 @@ def difference(first: Path, second: Path, name: str) -> str:
 
 
 def compared(reference: Path, run: Path, name: str) -> tuple[str, list[str]]:
-    """The line of the table for a run, and lines that tell what differs: each raster, and how many tables of each stage.
+    """The line of the table for a run, and lines that tell what differs: each raster, and how many tables of each stage (and products).
 
     Per-tile tables stand for other tiles when the tile size differs, so only those that both runs have are compared.
     """
