@@ -56,7 +56,7 @@ def difference(first: Path, second: Path, name: str) -> str:
 
 
 def compared(reference: Path, run: Path, name: str) -> tuple[str, list[str]]:
-    """The line of the table for a run, and lines that tell what differs: each raster, and how many tables of each stage (and products).
+    """The line of the table for a run, and lines that tell what differs: each raster, and how many tables (products) of each stage.
 
     Per-tile tables stand for other tiles when the tile size differs, so only those that both runs have are compared.
     """
