@@ -139,6 +139,22 @@ def test_a_stage_file_holds_no_numerics():
     nobody(offenders(sorted((ROOT / "tasks").glob("*/stage.py")), "numpy", "numba", "scipy", "cv2"))
 
 
+DOORED = ("colouring", "projection", "texture")
+NUMERICS = ("numpy", "numba", "scipy", "cv2")
+
+
+def test_behind_its_doors_every_stage_is_the_same():
+    """Jobs are made in `plan` and words in `report`, neither with numerics; rooms of methods know nothing of both."""
+    for stage in DOORED:
+        doors = {door: modules(f"tasks/{stage}/{door}") for door in ("plan", "report")}
+        nobody(line for paths in doors.values() for line in offenders(paths, *NUMERICS))
+        rooms = [
+            path for path in modules(f"tasks/{stage}") if path.name != "stage.py" and path not in (*doors["plan"], *doors["report"])
+        ]
+        nobody(offenders(rooms, "schemas.stage_report", f"tasks.{stage}.plan", f"tasks.{stage}.report"))
+        nobody(relative(path) for path in (*rooms, *doors["report"]) if "Job(" in path.read_text())
+
+
 def test_names_say_what_is_inside():
     nobody(relative(path) for path in modules("schemas", "tasks", "pipeline") if path.stem in FORBIDDEN_NAMES)
 

@@ -1,8 +1,7 @@
 """What the report says of the coloured mesh: its files, and what its textures are worth."""
 
 from collections.abc import Iterator
-
-import numpy as np
+from statistics import median
 
 from orthomill.schemas.stage_report import Figure, Product
 from orthomill.tasks.projection.model.model_colours import TileFacts
@@ -26,7 +25,7 @@ def texture_figures(textures: tuple[TileFacts, ...]) -> Iterator[Figure]:
     texels = max(sum(one.texels for one in textures), 1)
     yield Figure(name="model_tiles", value=len(textures), sentence="Tiles of the model, each with a texture of its own.")
     yield Figure(name="model_texels", value=texels, sentence="Texels that lie on triangles.", unit="px")
-    size = float(np.median([one.texel for one in textures]))
+    size = median(one.texel for one in textures)
     yield Figure(name="model_texel", value=float(f"{size:.4g}"), unit="m", sentence="Median side of a texel on the surface.")
     unseen = 100 * sum(one.seen[0] for one in textures) / texels
     yield Figure(

@@ -1,8 +1,8 @@
 """The report on the projections: what the mesh was worth, what each output shows, how many photographs see it, and the proof."""
 
+from collections import Counter
 from collections.abc import Iterator
-
-import numpy as np
+from math import sqrt
 
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.schemas.solid.frames import FlatFrame, ViewFrame
@@ -28,12 +28,12 @@ from orthomill.tasks.projection.report.output_totals import OutputFacts, OutputT
 from orthomill.tasks.projection.report.surface_doubts import (
     FEW,
     hole_doubts,
-    median,
     mended,
     mesh_doubts,
     strange_doubts,
     unlike_doubts,
     unrelated,
+    usual,
 )
 from orthomill.tasks.projection.tiles.output_colours import NO_SURFACE, ProjectionTile
 from orthomill.tasks.visibility.sight import PlaceSight
@@ -101,7 +101,7 @@ def _described(total: OutputTotals) -> str:
 def _verdict(census: MeshCensus, totals: list[OutputTotals], compared: tuple[LeftOutPhotograph, ...]) -> Verdict:
     worst = min(totals, key=lambda total: total.coloured)
     text = f"{100 * worst.coloured:.1f} % of the surface in '{worst.name}' has a colour"
-    energy = median([one.blended.gradient for one in compared if one.blended])
+    energy = usual([one.blended.gradient for one in compared if one.blended])
     if energy is not None:
         text += f"; photographs made again from the others are {_sharpness(energy)}"
     good = worst.coloured >= _FILLED and (energy is None or energy >= _SHARP) and census.triangles >= FEW
@@ -112,7 +112,7 @@ def _verdict(census: MeshCensus, totals: list[OutputTotals], compared: tuple[Lef
 def _sharpness(energy: float) -> str:
     """What a share of the gradient energy of photographs means, in plain words."""
     # The energy goes with the square of the differences, which are what one sees.
-    contrast = f"{100 * np.sqrt(energy):.0f} % of the contrast between neighbouring pixels"
+    contrast = f"{100 * sqrt(energy):.0f} % of the contrast between neighbouring pixels"
     if energy > _ROUGH:
         return f"rougher than they were taken, with {contrast}: others show more, or edges of the surface are wrong"
     return "as sharp as they were taken" if energy >= _SHARP else f"blurred: {contrast} is left"
@@ -175,7 +175,7 @@ def _figures(
     yield balance_figure("brightness_difference", radiometry.difference_after)
     for kind in ("blended", "nearest"):
         for measure, unit in (("psnr", "dB"), ("ssim", ""), ("gradient", "")):
-            value = median([getattr(getattr(one, kind), measure) for one in compared])
+            value = usual([getattr(getattr(one, kind), measure) for one in compared])
             sentence = f"Median {_MEASURES[measure]} of photographs made again from the others, {_KINDS[kind]}."
             yield Figure(name=f"left_out_{kind}_{measure}", value=rounded(value, 4), unit=unit, sentence=sentence)
 
@@ -225,20 +225,20 @@ def _grids(totals: list[OutputTotals], facing: MeshFacing, left_out: tuple[LeftO
 
 
 def _sight_grid(total: OutputTotals, facing: MeshFacing) -> Grid:
-    sights: dict[str, np.ndarray] = {}
+    sights: dict[str, Counter[PlaceSight]] = {}
     for tile in total.tiles:
         for name, counts in tile.sights.items():
-            sights[name] = sights.get(name, np.zeros(len(counts), np.int64)) + np.array(counts)
+            sights.setdefault(name, Counter()).update(dict(zip(PlaceSight, counts, strict=True)))
     shares = total.colours.shares
     coloured, backs = max(total.sum("coloured"), 1), {one.photo: one.backs for one in facing.photos}
     rows = tuple(
         (
             name,
             round(100 * shares.get(name, 0.0) / coloured, 2),
-            int(counts[PlaceSight.SEEN] + counts[PlaceSight.AT_BREAK]),
-            int(counts[PlaceSight.HIDDEN]),
-            int(counts[PlaceSight.AWAY]),
-            int(counts[PlaceSight.MASKED]),
+            counts[PlaceSight.SEEN] + counts[PlaceSight.AT_BREAK],
+            counts[PlaceSight.HIDDEN],
+            counts[PlaceSight.AWAY],
+            counts[PlaceSight.MASKED],
             round(100 * backs.get(name, 0.0), 2),
         )
         for name, counts in sights.items()

@@ -1,8 +1,8 @@
 """A surface that is not what one expects, or that photographs disagree with, in sentences: what, where, what to do."""
 
 from collections.abc import Iterator
-
-import numpy as np
+from math import inf
+from statistics import median
 
 from orthomill.schemas.solid.census import MeshCensus
 from orthomill.tasks.colouring.sight.facing import MeshFacing
@@ -19,12 +19,13 @@ _BACKS, _UNLIKE = 0.2, 1.5
 
 def unrelated(compared: tuple[LeftOutPhotograph, ...]) -> bool:
     """Whether the photographs show different things on the surface."""
-    psnr = median([one.blended.psnr for one in compared if one.blended])
+    psnr = usual([one.blended.psnr for one in compared if one.blended])
     return psnr is not None and psnr < _UNRELATED
 
 
-def median(values: list[float]) -> float | None:
-    return float(np.median(values)) if values else None
+def usual(values: list[float]) -> float | None:
+    """The median of some values, if there are any."""
+    return median(values) if values else None
 
 
 def mesh_doubts(census: MeshCensus) -> Iterator[str]:
@@ -72,11 +73,11 @@ def strange_doubts(facing: MeshFacing, compared: tuple[LeftOutPhotograph, ...]) 
 def unlike_doubts(compared: tuple[LeftOutPhotograph, ...]) -> Iterator[str]:
     """Photographs that are unlike what the others show of the same places."""
     differences = [one.difference for one in compared if one.difference is not None]
-    usual = float(np.median(differences)) if len(differences) > 2 else np.inf
+    middle = median(differences) if len(differences) > 2 else inf
     for one in compared:
-        if one.difference is not None and one.difference > _UNLIKE * usual:
+        if one.difference is not None and one.difference > _UNLIKE * middle:
             yield (
-                f"{one.photo} disagrees with the others: it differs by {one.difference:.1f} grey levels where {usual:.1f} are "
+                f"{one.photo} disagrees with the others: it differs by {one.difference:.1f} grey levels where {middle:.1f} are "
                 "usual. Its orientation or its brightness is wrong, or something moved; look at its picture below."
             )
 

@@ -3,9 +3,8 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Literal
-
-import numpy as np
 
 from orthomill.schemas.stage_report import Accuracy, Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import HEIGHT_SOURCE, HEIGHT_SOURCE_CODES, ORTHO, HeightSource
@@ -159,7 +158,7 @@ def _photo_grid(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> 
 
 def _photo_row(photo: PhotoRadiometry, seen: int, share: float) -> tuple[str | int | float, ...]:
     # r is 1 at the corner: there the falloff is v1 + v2.
-    falloff = round(float(np.mean(photo.v1) + np.mean(photo.v2)), 4)
+    falloff = round(fmean(photo.v1) + fmean(photo.v2), 4)
     return (
         photo.photo,
         seen,
