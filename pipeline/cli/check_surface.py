@@ -11,9 +11,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 import yaml
 from pydantic import ValidationError
 
@@ -33,19 +32,6 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
 
-CheckedFile = Annotated[Path, typer.Argument(metavar="SURFACE", help="A GeoTIFF, LAS or LAZ file of any program.")]
-PhotosOf = Annotated[Path | None, typer.Option("--photos", help="Folder with photographs of the same ground.")]
-BlockOf = Annotated[
-    Path | None,
-    typer.Option(
-        "--block", help="Their orientation: cameras.json, OpenSfM's reconstruction.json, a CSV of angles, COLMAP's folder of texts."
-    ),
-]
-ProjectOf = Annotated[str | None, typer.Option("--project", help="A finished project: its photographs and their orientation.")]
-CrsOf = Annotated[str | None, typer.Option("--crs", help="Projected CRS of the answer; by default that of block or surface.")]
-SystemOf = Annotated[str | None, typer.Option("--system", help="Reference system of a surface whose file names none.")]
-RemoveShift = Annotated[bool, typer.Option("--remove-shift", help="Take a shift of the whole surface out.")]
-Fill = Annotated[bool, typer.Option("--fill", help="Fill holes of the surface by matching of the photographs.")]
 _HEAD = "# Written by orthomill check, which writes it anew every time it is called."
 _LINKS = "linked"
 """folder for links to files outside of the project's folder"""

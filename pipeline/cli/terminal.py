@@ -9,7 +9,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from orthomill.pipeline.cli.environment import environment_sentence
+from orthomill.pipeline.cli.refusals import environment_sentence
+from orthomill.pipeline.engine.interruption import listen
 from orthomill.schemas.errors import OrthomillError
 
 out = Console(highlight=False)
@@ -34,7 +35,8 @@ Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an e
 
 @contextmanager
 def plain_errors(debug: bool) -> Iterator[None]:
-    """Turns every error that orthomill can explain into a sentence and an exit code."""
+    """Turns every error that orthomill can explain into a sentence and an exit code, and listens for interruptions."""
+    listen()
     try:
         yield
     except OrthomillError as error:

@@ -10,7 +10,6 @@ Source: Skarlatos (sources/matching.md#size-map).
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from pydantic import ValidationError
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.inspection import PhotoFile, PhotoMap
 from orthomill.schemas.raster import Window
+from orthomill.schemas.window_method import Method
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.imagery.upright import exif_orientation, file_window, upright, upright_shape
 from orthomill.tasks.matching.windows.calibration import LIMITS, LimitCalibration, calibrated, last_limits
@@ -42,15 +42,6 @@ _SAMPLES = 200
 """points of the calibrating grid along the shorter side"""
 _OVERVIEW = 512
 """pixels along the longer side from which the range of 16-bit photographs is found"""
-
-
-class Method(StrEnum):
-    """How the window is sized."""
-
-    STATISTICAL = "statistical"
-    ENTROPY = "entropy"
-    FOERSTNER = "foerstner"
-    COMBINED = "combined"
 
 
 _METHODS: dict[Method, type[StatisticalWindow] | type[EntropyWindow] | type[FoerstnerWindow]] = {

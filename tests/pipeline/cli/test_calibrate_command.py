@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.calibration.board_setups import SIX_BOARDS, places_of, views_of
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor
 

@@ -10,7 +10,7 @@ from rasterio.transform import from_origin
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.check_surface import CheckOptions, change_workflow, check_name, check_workflow
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import WorkflowError
 from orthomill.tasks.catalogue import STAGES

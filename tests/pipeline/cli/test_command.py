@@ -10,7 +10,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from small_site import command, copy_of_finished_site, counts, damage, finished_site, make_site, photographs, write_workflow
 from typer.testing import CliRunner
 
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.cli.doctor import Finding
 from orthomill.pipeline.engine.running import DASHBOARD
 from orthomill.pipeline.records.lock import only_run
@@ -237,7 +237,7 @@ def test_init_writes_a_workflow_that_can_be_planned(fresh):
 @pytest.mark.parametrize(("ok", "code"), [(True, 0), (False, 1)])
 def test_doctor_says_what_is_wrong(monkeypatch, ok, code):
     monkeypatch.setattr(
-        "orthomill.pipeline.cli.commands.examine", lambda folder: [Finding("free disk", "1 GiB", ok, "" if ok else "make room")]
+        "orthomill.pipeline.cli.doctor.doctor", lambda folder: [Finding("free disk", "1 GiB", ok, "" if ok else "make room")]
     )
     said = command("doctor", code=code)
     assert "free disk 1 GiB" in said and ("make room" in said) != ok

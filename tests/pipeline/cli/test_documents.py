@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from orthomill import __version__
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.surface import PROVENANCE_CODES

@@ -11,7 +11,7 @@ from PIL import Image
 from rasterio.errors import NotGeoreferencedWarning
 from typer.testing import CliRunner
 
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.report import grey_png
 from orthomill.pipeline.storage import image_files
 from orthomill.schemas.raster import Window

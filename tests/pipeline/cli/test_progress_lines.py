@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 from toy_stages import SourceStage, run_in
 
-from orthomill.pipeline.cli import progress_lines
-from orthomill.pipeline.cli.progress_lines import ProgressLines, StageCount, about, state_text
+from orthomill.pipeline.cli.progress import progress_lines
+from orthomill.pipeline.cli.progress.progress_lines import ProgressLines, StageCount, about, state_text
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.forecast.known_costs import Expectations, Expected
 from orthomill.pipeline.records.records import Fingerprint, Record

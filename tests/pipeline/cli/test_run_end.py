@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from orthomill.pipeline.cli.run_end import FAILURES_SHOWN, RunEnd, tell
+from orthomill.pipeline.cli.progress.run_end import FAILURES_SHOWN, RunEnd, tell
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
 from orthomill.pipeline.report.first_page import first_page
 

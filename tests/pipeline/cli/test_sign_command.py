@@ -6,7 +6,7 @@ import pytest
 from small_site import command, copy_of_finished_site, make_site
 from typer.testing import CliRunner
 
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.cli.sign import signing_lines
 from orthomill.pipeline.engine.run_facts import read_facts, write_facts
 from orthomill.pipeline.report.first_page import FirstPage

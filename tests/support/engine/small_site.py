@@ -14,7 +14,7 @@ import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
-from orthomill.pipeline.cli.commands import app
+from orthomill.pipeline.cli.commands.application import app
 
 SHIPPED = Path(__file__).parents[3] / "workflows" / "photographs" / "brighton"
 WORKFLOW = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from orthomill.pipeline.cli.progress_lines import ProgressLines
+from orthomill.pipeline.cli.progress.progress_lines import ProgressLines
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.runner import Runner
 from orthomill.pipeline.engine.session import Session, Watcher

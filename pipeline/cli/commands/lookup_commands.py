@@ -6,12 +6,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from orthomill.pipeline.cli.lookups.monoplot import monoplot_table, read_image_points
-from orthomill.pipeline.cli.lookups.relative_lines import as_json, pair_forms, relative_lines
-from orthomill.pipeline.cli.projects import load_project
 from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
-from orthomill.pipeline.storage.table_files import write_whole
-from orthomill.tasks.catalogue import classical_forms, points_on_surface
 
 lookups = typer.Typer()
 
@@ -26,6 +21,11 @@ def monoplot(
     debug: Debug = False,
 ) -> None:
     """Points of one photograph on the surface: X, Y, Z, standard errors, covariances, and the photographs that see them."""
+    from orthomill.pipeline.cli.lookups.monoplot import monoplot_table, read_image_points
+    from orthomill.pipeline.cli.projects import load_project
+    from orthomill.pipeline.storage.table_files import write_whole
+    from orthomill.tasks.catalogue import points_on_surface
+
     with plain_errors(debug):
         table = monoplot_table(load_project(name).run_folder, photo, read_image_points(points), sigma, points_on_surface)
         for sentence in table.missed:
@@ -48,6 +48,10 @@ def relative(
     debug: Debug = False,
 ) -> None:
     """The relative orientation of a pair as the textbooks write it: from its tie points alone, and from the adjusted block."""
+    from orthomill.pipeline.cli.lookups.relative_lines import as_json, pair_forms, relative_lines
+    from orthomill.pipeline.cli.projects import load_project
+    from orthomill.tasks.catalogue import classical_forms
+
     with plain_errors(debug):
         forms = pair_forms(load_project(name).run_folder, left, right, classical_forms)
         for line in [as_json(forms)] if json else relative_lines(forms):

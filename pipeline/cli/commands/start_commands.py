@@ -1,0 +1,108 @@
+"""Commands for the time before a run: a new workflow, this machine, a single photograph; and the pages made from the code."""
+
+import json
+from collections import ChainMap
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table as Lines
+
+from orthomill.pipeline.cli.terminal import Debug, err, out, plain_errors
+from orthomill.schemas.window_method import Method
+
+starting = typer.Typer()
+inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)
+starting.add_typer(inspect, name="inspect")
+
+
+@starting.command()
+def init(
+    name: Annotated[str, typer.Argument(help="Name of the new project.")],
+    photos: Annotated[Path, typer.Option(help="Folder with the photographs.")],
+    crs: Annotated[str | None, typer.Option(help="Projected CRS, e.g. EPSG:32634; proposed from GPS when left out.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Write a commented starting workflow from the photographs' EXIF."""
+    from orthomill.pipeline.forecast.outlook import outlook
+    from orthomill.pipeline.workflow.found_lines import found_lines
+    from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
+    from orthomill.tasks.catalogue import STAGES, look_ahead
+
+    with plain_errors(debug):
+        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, outlook(look_ahead, STAGES, Path.cwd()))
+        for note in (*found_lines(start.survey, start.look), *start.notes):
+            out.print(escape(note), soft_wrap=True)
+        out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+
+
+@starting.command()
+def doctor() -> None:
+    """Examine this machine: versions, cores, memory, free disk, what is missing."""
+    from orthomill.pipeline.cli.doctor import doctor as examine
+
+    rows = examine(Path.cwd())
+    lines = Lines("what", "found", "", "advice", box=None)
+    for row in rows:
+        lines.add_row(row.name, escape(str(row.value)), "ok" if row.ok else "[red]![/red]", escape(row.advice))
+    out.print(lines)
+    if not all(row.ok for row in rows):
+        raise typer.Exit(1)
+
+
+@starting.command(hidden=True)
+def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
+    """Write the settings reference from the schemas."""
+    from orthomill.pipeline.workflow.settings_reference import write_settings_reference
+    from orthomill.tasks.catalogue import STAGES
+
+    write_settings_reference(STAGES, path)
+
+
+@starting.command(hidden=True)
+def figures(
+    names: Annotated[list[str], typer.Argument(help="Finished projects that together have all stages.")],
+    path: Annotated[Path, typer.Option(help="Where to write the page.")] = Path("docs/summary.md"),
+    debug: Debug = False,
+) -> None:
+    """Write the page of all names in summary.json from finished runs."""
+    from orthomill.pipeline.cli.projects import load_project
+    from orthomill.pipeline.report.summary import summary_markdown
+
+    with plain_errors(debug):
+        loaded = map(load_project, names)
+        files = [one.root / "runs" / one.project.project / "summary.json" for one in loaded]
+        # The first has the last word on what several have.
+        path.write_text(summary_markdown(dict(ChainMap(*(json.loads(file.read_text()) for file in files)))))
+
+
+@inspect.command("window-size")
+def inspect_window_size(
+    photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],
+    method: Annotated[Method, typer.Option(help="How the size of the matching window is chosen.")] = Method.FOERSTNER,
+    largest: Annotated[int, typer.Option("--max", help="Side of the largest window, px.", min=7, max=101)] = 35,
+    limit: Annotated[float | None, typer.Option(help="Threshold of the method, instead of its default.")] = None,
+    second: Annotated[
+        float | None, typer.Option(help="Its second threshold: excess (statistical), gain (entropy) or roundness (foerstner).")
+    ] = None,
+    assigned: Annotated[float | None, typer.Option(help="Find the threshold that assigns a window to this % of pixels.")] = None,
+    given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="Any setting of a workflow's window, e.g. min_stalled=2.5, or entropy.min_gain=0.01 (combined)."
+        ),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="The PNG to write; by default in the current folder.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
+    from orthomill.pipeline.cli.lookups.inspect_photo import GuardedPhoto, picture_path, write_map
+    from orthomill.tasks.catalogue import share_of, sizing_of, window_size_map
+
+    with plain_errors(debug):
+        path = picture_path(photo, f"window_size_{method}", output)
+        found = window_size_map(
+            GuardedPhoto(photo), sizing_of(method, largest, limit, second, given or ()), share_of(assigned, limit)
+        )
+        write_map(found, path, out, err)
