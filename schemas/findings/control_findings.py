@@ -170,11 +170,27 @@ class ControlRead(BaseModel):
     points: int
     measurements: int
     crs: str
+    checks: int = 0
+    """check points among the points"""
     skipped: int = 0
     """lines without coordinates or without a measurement"""
     corner: bool = False
     """pixels were counted from the corner of the upper-left one, half a pixel more than from its centre"""
     encoding: str = "UTF-8"
+    steps: tuple[float, float] = (0.0, 0.0)
+    """to which coordinates in plan and heights are written, in their unit (0: finely)"""
+
+
+class CoordinatesRounded(BaseModel):
+    """Coordinates of surveyed points are written more coarsely than their standard errors, which were enlarged."""
+
+    model_config = ConfigDict(frozen=True)
+
+    code: Literal["coordinates_rounded"] = "coordinates_rounded"
+    points: int
+    plan_m: float | None
+    height_m: float | None
+    """the step to which they are written (m); None: finely enough"""
 
 
 ControlFinding = Annotated[
@@ -189,6 +205,7 @@ ControlFinding = Annotated[
     | HeightsUnknown
     | HeightsInFeet
     | DatumApart
-    | HeightsOfTwoSystems,
+    | HeightsOfTwoSystems
+    | CoordinatesRounded,
     Field(discriminator="code"),
 ]

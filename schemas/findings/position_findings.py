@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
+ToldBy = Literal["workflow", "file", "degrees", "geocentric", "project"]
+
 
 class HeightsOfPositions(BaseModel):
     """What the heights of the positions refer to, and whether they were transformed to the vertical datum of the project."""
@@ -31,8 +33,8 @@ class PositionsRead(BaseModel):
     used: int
     """those of photographs that the project has"""
     crs: str
-    by: Literal["workflow", "file", "degrees", "project"]
-    """what told the reference system: `degrees`: the numbers can be nothing else; `project`: nothing"""
+    by: ToldBy
+    """what told the reference system: `degrees`, `geocentric`: the numbers can be nothing else; `project`: nothing"""
     matched: Literal["name", "number", "order"] = "name"
     confirmed: Literal["times", "places"] | None = None
     """what shows that events belong to the photographs, where the file has no names"""
@@ -40,8 +42,18 @@ class PositionsRead(BaseModel):
     """whether the northing (or latitude) came first, against what the columns say"""
     defaults: tuple[float, float] | None = None
     """standard errors in plan and height (m) that were taken, where the file states none"""
+    unstated: int = 0
+    """positions of which the file states no standard errors"""
     raised: int = 0
     """positions of a float or single solution whose standard errors were enlarged to what such a solution is worth"""
+    rounded_m: float | None = None
+    """the step (m) to which coordinates are written, where standard errors had to be enlarged for it"""
+    heights_of_tags: int = 0
+    """positions whose heights are those of the GPS tags, because the file has none"""
+    off_tags_m: float | None = None
+    """by how much the positions are off the GPS tags in plan (m, median), where no receiver explains it"""
+    above_tags_m: float | None = None
+    """by how much they are above the heights of the tags (m, median), where no geoid explains it"""
     without: int = 0
     """lines without a position"""
     angles: str | None = None

@@ -9,9 +9,12 @@ from dataclasses import dataclass
 _MEANINGS: dict[str, str] = {
     "photo": "photo image filename file file_name image_name imagename image_file image_filename photo_name picture source_file "
     "sourcefile img camera_label photo_id",
-    "name": "name label point point_name point_id pointid id target station marker marker_name gcp gcp_name gcp_label pt pkt nr no "
-    "punkt punktnummer punktname",
+    "name": "name label point point_name point_id pointid id target station marker marker_name gcp gcp_name gcp_label gcp_id pt "
+    "pt_id pkt nr no point_number point_no point_nr point# pno pt_no number punkt punktnummer punktname",
     "role": "role",
+    "kind": "type kind point_type usage gcp/check gcp_type marker_type",
+    "enabled": "enable enabled use used active",
+    "system": "cs_name cs coordinate_system crs epsg projection reference_system",
     "x": "x e east easting x_east east_x x/longitude x/easting x/east rechts rechtswert ostwert xcoord x_coord coord_x geo_x "
     "longitude/easting longitude/x easting/x east/x",
     "y": "y n north northing y_north north_y y/latitude y/northing y/north hoch hochwert nordwert ycoord y_coord coord_y geo_y "
@@ -47,8 +50,36 @@ _MEANINGS: dict[str, str] = {
     "row": "row line v image_v pixel_y py img_y image_y y_pixel im_y y_px",
     "sigma": "sigma sigma_px accuracy_px",
 }
+# A standard error by its parts: "StdDev_N", "horizontal accuracy". Not "X error", which is a residual in files of Metashape.
+_ACCURACY = frozenset(
+    [
+        "accuracy",
+        "acc",
+        "sigma",
+        "std",
+        "stdev",
+        "stddev",
+        "sd",
+        "dev",
+        "deviation",
+        "rms",
+        "rmse",
+        "precision",
+        "uncertainty",
+        "standard",
+    ]
+)
+_DIRECTIONS = {
+    "sigma_x": frozenset(["x", "e", "east", "easting", "lon", "longitude"]),
+    "sigma_y": frozenset(["y", "n", "north", "northing", "lat", "latitude"]),
+    "sigma_z": frozenset(["z", "u", "up", "v", "vert", "vertical", "height", "hgt", "alt", "altitude", "elev", "elevation"]),
+    "sigma_plan": frozenset(["xy", "horz", "horiz", "horizontal", "hz", "plan", "lateral", "2d"]),
+    "sigma_all": frozenset(["xyz", "3d", "position"]),
+}
 _OF_WORD = {word: meaning for meaning, words in _MEANINGS.items() for word in words.split()}
 _BRACKETS = re.compile(r"[\(\[]([^\)\]]*)[\)\]]")
+_DEGREES = frozenset({"deg", "degree", "degrees", "°"})
+_SEA = frozenset({"msl", "amsl", "orthometric", "geoid"})
 _MILLIMETRES = frozenset({"mm", "millimeter", "millimetre", "millimeters", "millimetres"})
 _CENTIMETRES = frozenset({"cm", "centimeter", "centimetre", "centimeters", "centimetres"})
 _FEET = frozenset({"ft", "feet", "foot"})
@@ -65,13 +96,34 @@ class Column:
 
 def column(word: str) -> Column:
     """The meaning of the name of a column, in any case, with a unit in brackets or after an underscore."""
-    own = word.strip().lstrip("#").strip().strip('"').lower()
+    own = word.strip().lstrip("#").strip().strip('"').strip().lower()
     unit = _unit([part.strip() for part in _BRACKETS.findall(own)])
-    plain = re.sub(r"[^\w/äöü]+", "_", _BRACKETS.sub("", own)).strip("_").replace("_/_", "/")
-    if plain in _OF_WORD:
-        return Column(_OF_WORD[plain], unit)
+    plain = re.sub(r"[^\w/#äöü]+", "_", _BRACKETS.sub("", own)).strip("_").replace("_/_", "/")
     head, _, tail = plain.rpartition("_")
-    return Column(_OF_WORD.get(head, ""), _unit([tail])) if tail in {"m", "mm", "cm", "deg", "ft", "px"} else Column("")
+    if plain not in _OF_WORD and head and tail in {"m", "mm", "cm", "deg", "ft", "px"}:
+        plain, unit = head, _unit([tail])
+    meaning = _OF_WORD.get(plain) or _accuracy(plain.split("_"))
+    # Accuracies of angles are in degrees; heights say in brackets what they refer to.
+    if meaning.startswith("sigma") and _DEGREES.intersection(_inside(own)):
+        return Column("")
+    if meaning == "z" and any(part.startswith("ellips") for part in _inside(own)):
+        return Column("z_ellipsoidal", unit)
+    if meaning == "z" and _SEA.intersection(_inside(own)):
+        return Column("z_sea", unit)
+    return Column(meaning, unit)
+
+
+def _inside(own: str) -> set[str]:
+    """The words in brackets."""
+    return {part for words in _BRACKETS.findall(own) for part in re.split(r"[\s,;]+", words)}
+
+
+def _accuracy(words: list[str]) -> str:
+    """What a standard error is of, by the parts of its name; "" where it is none."""
+    rest = set(words) - _ACCURACY
+    if len(rest) == len(set(words)) or len(rest) != 1:
+        return ""
+    return next((meaning for meaning, known in _DIRECTIONS.items() if rest <= known), "")
 
 
 def _unit(words: list[str]) -> float:

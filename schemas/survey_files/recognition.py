@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from orthomill.schemas.maps.system_names import known_crs
 from orthomill.schemas.survey_files.column_words import columns
 from orthomill.schemas.survey_files.photograph_names import EXTENSIONS, PhotographNames, is_image_word
 from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
@@ -15,6 +16,7 @@ NAMED_IMAGE = re.compile(rf"^\s*(.*?\.(?:{'|'.join(sorted(EXTENSIONS))}))(?=[\s,
 """the name of an image file, which may hold blanks, and what follows it"""
 _MARK = re.compile(r"([-+]?\d+\.\d+)\s*,\s*Lat\s+([-+]?\d+\.\d+)\s*,\s*Lon\s+[-+]?[\d.]+\s*,\s*Ellh")
 _CODE = re.compile(r"EPSG:{1,2}(\d{4,6})", re.IGNORECASE)
+_SYSTEMS = ("EPSG:", "+PROJ", "WGS84", "WGS 84", "PROJCS[", "PROJCRS[", "GEOGCS[", "COMPD_CS[", "ETRS89", "NAD83")
 _LEAST_NAMED = 0.5
 """of the photographs that a file must name to be theirs"""
 
@@ -57,7 +59,7 @@ class FoundControl:
 def looks_like_system(line: str) -> bool:
     """Whether a line can be the name of a reference system: EPSG:4326, WGS84 UTM 16N, a PROJ string, WKT."""
     own = line.strip().upper()
-    return own.startswith(("EPSG:", "+PROJ", "WGS84", "WGS 84", "PROJCS[", "PROJCRS[", "GEOGCS[", "COMPD_CS[", "ETRS89", "NAD83"))
+    return own.startswith(_SYSTEMS) or known_crs(line) is not None
 
 
 def positions_in(text: str, names: PhotographNames) -> FoundPositions | None:

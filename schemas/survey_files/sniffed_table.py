@@ -5,20 +5,18 @@ tell which.
 """
 
 import csv
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+from orthomill.schemas.survey_files import written_numbers
 
 _SHARE = 0.6
 """of the lines must hold a sign that separates cells: titles and comments do not"""
 _LOOKED_AT = 200
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
 _POINT_NUMBER = re.compile(r"[+-]?\d+\.\d+")
-# Not `float` alone, which takes "1_000", "infinity" and digits of other scripts.
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
-UNKNOWN = frozenset({"", "nan", "n/a", "na", "none", "null", "-", "--", "?"})
-"""cells that say that a number is not known"""
+_QUOTED = re.compile(r'(^|\s)"')
 
 
 @dataclass(frozen=True)
@@ -38,8 +36,10 @@ class Separation:
 
     def cells(self, line: str) -> tuple[str, ...]:
         """The cells of one line; a quote that is not closed ends with its line, so that it spoils no other."""
-        if not self.sign:
+        if not self.sign and not _QUOTED.search(line):
             return tuple(line.split())
+        if not self.sign:
+            return tuple(cell for cell in next(csv.reader([" ".join(line.split())], delimiter=" ")) if cell)
         try:
             return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=self.sign, skipinitialspace=True)))
         except (csv.Error, StopIteration):  # a cell of more than 128 KiB
@@ -47,19 +47,22 @@ class Separation:
 
     def number(self, cell: str) -> float | None:
         """The number of a cell: None where it is none, NaN where it says that it is not known."""
-        own = cell.strip()
-        if own.lower() in UNKNOWN:
-            return math.nan
-        own = own.replace(",", ".") if self.decimal == "," else own
-        return float(own) if _NUMBER.fullmatch(own) else None
+        return written_numbers.number(cell, self.decimal)
+
+    def coordinate(self, cell: str) -> float | None:
+        """The number of a cell that may be degrees with minutes and seconds."""
+        return written_numbers.coordinate(cell, self.decimal)
 
 
 def separation(lines: list[str]) -> Separation:
     """What separates the cells of lines."""
-    seen = [line for line in lines[:_LOOKED_AT] if line.strip()]
+    # A sign at the end of all lines separates nothing.
+    seen = [line.strip() for line in lines[:_LOOKED_AT] if line.strip()]
     for sign in ("\t", ";"):
         if _share(seen, sign) >= _SHARE:
             return Separation(sign, _decimal(cell for line in seen for cell in line.split(sign)))
+    # Commas between thousands separate nothing.
+    seen = [" ".join(word for word in line.split() if not written_numbers.is_thousands(word)) for line in seen]
     words = [word for line in seen for word in line.split()]
     commas = sum(bool(_COMMA_NUMBER.fullmatch(word)) for word in words)
     # Three numbers with commas to a line, between blanks: with commas as separators they would be glued to their neighbours.
@@ -73,8 +76,14 @@ def _share(lines: list[str], sign: str) -> float:
 
 
 def _decimal(cells: Iterable[str]) -> str:
-    found = [bool(_COMMA_NUMBER.fullmatch(cell.strip())) - bool(_POINT_NUMBER.fullmatch(cell.strip())) for cell in cells]
-    return "," if sum(found) > 0 else "."
+    return "," if sum(_vote(cell.strip()) for cell in cells) > 0 else "."
+
+
+def _vote(cell: str) -> int:
+    """1 for a number with a decimal comma, -1 for one with a point, 0 for all others."""
+    comma = _COMMA_NUMBER.fullmatch(cell) or ("," in cell and written_numbers.is_thousands(cell, ","))
+    point = _POINT_NUMBER.fullmatch(cell) or ("." in cell and written_numbers.is_thousands(cell, "."))
+    return bool(comma) - bool(point)
 
 
 @dataclass(frozen=True)

@@ -9,44 +9,62 @@ from typing import NamedTuple
 
 import numpy as np
 from pyproj import CRS, Transformer
-from pyproj.exceptions import CRSError, ProjError
+from pyproj.crs import GeographicCRS
+from pyproj.exceptions import ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.maps.geoid_grids import how_to_get, missing_grids, with_grids_of_the_system
 from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence
+from orthomill.schemas.maps.system_names import known_crs
 from orthomill.tasks.geometry.reference_system import ground_crs
 from orthomill.tasks.geometry.topocentric import degrees_of
 
+_ZONES_IN_FRONT = ("EPSG:5651", "EPSG:4647", "EPSG:5650")
+"""ETRS89 / UTM zones 31 to 33 with the zone before the easting, as German offices write it"""
 _LONG = 60
 """letters of the name of a system, beyond which it is its whole definition"""
+_RADIUS, _SURFACE, _HIGHEST = 6_368_000.0, 40_000.0, 100_000.0
+"""m: the Earth, how far from it its ellipsoid and the flights above it are, and a height that is none"""
 _NEAR = 20_000.0
 """m: points within this distance of the photographs belong to the same site; zones, systems and axes in error are farther off"""
 
 
 def survey_crs(text: str) -> CRS:
     """The reference system of surveyed points: anything known to PROJ, geographic or in feet as well. Raises WorkflowError."""
-    for words in _spellings(text):
-        try:
-            known = CRS.from_user_input(words)
-        except CRSError:
-            continue
-        # Vertical and temporal systems are systems as well, but none of points.
-        plane = known.sub_crs_list[0] if known.is_compound else known
-        if plane.is_geographic or plane.is_projected or plane.is_geocentric or plane.is_engineering:
-            return known
-    raise WorkflowError(
-        f"The reference system '{text[:_LONG]}' of the control points is not known to PROJ; name it in the workflow (control > "
-        "crs) or in their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
-    )
+    known = known_crs(text)
+    # Vertical and temporal systems are systems as well, but none of points.
+    plane = known.sub_crs_list[0] if known is not None and known.is_compound else known
+    if (
+        known is None
+        or plane is None
+        or not (plane.is_geographic or plane.is_projected or plane.is_geocentric or plane.is_engineering)
+    ):
+        raise WorkflowError(
+            f"The reference system '{text[:_LONG]}' of the control points is not known to PROJ; name it in the workflow (control > "
+            "crs) or in their file like EPSG:32634, EPSG:4326, EPSG:2100+5773 or as a PROJ string."
+        )
+    return known
 
 
-def _spellings(text: str) -> list[str]:
-    """The text as given, or the EPSG code of OpenDroneMap's own "WGS84 UTM 16N"."""
-    words = text.strip().upper().split()
-    if len(words) == 3 and words[:2] == ["WGS84", "UTM"] and words[2][:-1].isdigit() and words[2][-1] in "NS":
-        return [f"EPSG:{(32600 if words[2][-1] == 'N' else 32700) + int(words[2][:-1])}"]
-    return [text.strip()]
+def from_geocentric(points: np.ndarray, system: str) -> tuple[np.ndarray, str]:
+    """Points (N, 3) of a geocentric system as longitude, latitude and height above the ellipsoid of its datum, and that system;
+    those of others as they are."""
+    known = survey_crs(system)
+    if not known.is_geocentric:
+        return points, system
+    geographic = ellipsoidal("EPSG:4326")
+    if not known.equals(CRS.from_epsg(4978)):
+        geographic = ellipsoidal(str(GeographicCRS(name=known.name, datum=known.datum).to_wkt()))
+    to_degrees = Transformer.from_crs(known, geographic, always_xy=True)
+    return np.column_stack(to_degrees.transform(*points.T)), geographic
+
+
+def are_geocentric(points: np.ndarray) -> bool:
+    """Whether coordinates (N, 3) can only be those of a geocentric system: no map has points 6400 km from its origin in space, but
+    near the surface of the Earth."""
+    away = np.linalg.norm(points[:, :3], axis=1)
+    return bool(len(points) and (np.abs(away - _RADIUS) < _SURFACE).all() and np.abs(points[:, 2]).min() > _HIGHEST)
 
 
 def vertical_name(text: str) -> str | None:
@@ -164,7 +182,7 @@ def fitting_system(points: np.ndarray, source: str, target: str, site: np.ndarra
     utm = [f"EPSG:{(32600 if latitude >= 0 else 32700) + z}" for z in (zone, zone - 1, zone + 1) if 1 <= z <= 60]
     # The neighbouring zones, because surveys near the edge of a zone are often kept in the next one; Web Mercator, because maps on
     # the web hand out such coordinates.
-    for name, swapped in product([source, target, "EPSG:4326", *utm, "EPSG:3857"], (False, True)):
+    for name, swapped in product([source, target, "EPSG:4326", *utm, *_ZONES_IN_FRONT, "EPSG:3857"], (False, True)):
         xy = points[:, [1, 0]] if swapped else points[:, :2]
         if _median_distance(xy, name, target, site) < _NEAR:
             return FittingSystem(name, swapped)

@@ -9,6 +9,7 @@ _TOLD_BY = {
     "workflow": "as the workflow states",
     "file": "as the file states",
     "degrees": "told by the numbers, which are degrees",
+    "geocentric": "told by the numbers, which are geocentric",
     "project": "that of the project, as nothing states another",
 }
 
@@ -27,7 +28,8 @@ def _sentences(photos: Photos) -> Iterator[tuple[str, bool]]:
     """Sentences about the positions, and whether they tell of an assumption."""
     if read := photos.positions_read:
         unconfirmed = read.matched != "name" and read.confirmed is None
-        assumed = bool(read.exchanged or read.defaults or read.raised or unconfirmed or read.encoding == "Windows-1252")
+        off = read.rounded_m or read.heights_of_tags or read.off_tags_m or read.above_tags_m
+        assumed = bool(read.exchanged or read.defaults or read.raised or off or unconfirmed or read.encoding == "Windows-1252")
         yield read_sentence(read), assumed
     if photos.heights and (sentence := heights_sentence(photos.heights)):
         yield sentence, bool(photos.heights.target and photos.heights.unknown)
@@ -47,12 +49,28 @@ def _more(read: PositionsRead) -> Iterator[str]:
     if read.exchanged:
         yield "The northing (or latitude) comes first in it: only so are the photographs where they were taken."
     if read.defaults:
+        for_whom = "" if read.unstated in (0, read.used) else f" for {read.unstated} of them"
         yield (
-            f"It states no standard errors: {read.defaults[0]:g} m in plan and {read.defaults[1]:g} m in height were taken "
-            "(positions > sigma_plan, sigma_height)."
+            f"It states no standard errors{for_whom}: {read.defaults[0]:g} m in plan and {read.defaults[1]:g} m in height were "
+            "taken (positions > sigma_plan, sigma_height)."
         )
     if read.raised:
         yield f"{read.raised} of them are no fixed solutions, and have the standard errors that such solutions deserve."
+    if read.rounded_m:
+        yield f"Its coordinates are rounded to {read.rounded_m:.2g} m: the standard errors were enlarged by that."
+    if read.heights_of_tags:
+        yield f"{read.heights_of_tags} of them have no height in it, and have that of the GPS tags."
+    if read.off_tags_m:
+        yield (
+            f"They are {read.off_tags_m:.0f} m from where the GPS tags say that the photographs were taken: is it the file of this "
+            "flight?"
+        )
+    if read.above_tags_m:
+        side = "above" if read.above_tags_m > 0 else "below"
+        yield (
+            f"Their heights are {abs(read.above_tags_m):.0f} m {side} those of the GPS tags, more than any geoid explains: do they "
+            "count from the place of take-off?"
+        )
     if read.without:
         yield f"{read.without} lines hold no position and were skipped."
     if read.angles:

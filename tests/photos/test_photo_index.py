@@ -169,7 +169,7 @@ def test_positions_from_a_file_name_photographs_with_or_without_extension():
         ("photo,x,y\n", "no column z"),
         ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,three,1,1,1\n", "Line 2"),
         ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,1,1\na.jpg,1,2,3,1,1,1\n", "Line 3"),
-        ("", "no column"),
+        ("", "is empty"),
         ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2,3,1,0,1\n", "zero or less"),
         ("photo,x,y,z,sigma_x,sigma_y,sigma_z\na,1,2\n", "Line 2"),
     ],

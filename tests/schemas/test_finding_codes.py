@@ -119,6 +119,7 @@ CONTROL_VALUES = {
     "heights_unknown": {"points": ("P1", "P2"), "zero": True, "left_out": ("P2",)},
     "heights_in_feet": {"crs": "EPSG:26849", "unit_m": 0.3048006096, "converted": True},
     "datum_apart": {"crs": "EPSG:32632", "fits": "EPSG:23032", "distance_m": 197.4},
+    "coordinates_rounded": {"points": 5, "plan_m": 1.0, "height_m": None},
     "heights_of_two_systems": {"control": "EGM96 height", "positions": "the ellipsoid", "shift_m": None, "crs": "EPSG:32632+5773"},
     "measurements_of_originals": {"measurements": 9, "outside": 8, "original": (4032, 3024), "reduced": (1200, 900)},
     "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},

@@ -6,6 +6,7 @@ of its fiducial marks).
 
 import csv
 import math
+from collections import Counter
 from collections.abc import Iterator
 from itertools import zip_longest
 
@@ -16,18 +17,17 @@ from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
 from orthomill.schemas.survey_files.sniffed_table import Separation
 from orthomill.schemas.survey_files.text_encoding import encoding_of
+from orthomill.schemas.survey_files.written_steps import CUT, ENOUGH_HEIGHTS, ENOUGH_IN_PLAN, lost_digits, written_step
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
 from orthomill.tasks.orientation.control.absent_photographs import Rule, Skipped
-from orthomill.tasks.orientation.control.metashape_xml import is_markers_xml, marker_rows
-from orthomill.tasks.orientation.control.point_rows import (
-    MEASUREMENT_COLUMNS,
-    POINT_COLUMNS,
-    Row,
-    Rows,
-    StatedControl,
-    mark_rows,
-    point_rows,
-)
+from orthomill.tasks.orientation.control.control_rows import MEASUREMENT_COLUMNS, POINT_COLUMNS, Row, Rows, StatedControl
+from orthomill.tasks.orientation.control.formats.landxml_points import is_landxml, landxml_rows
+from orthomill.tasks.orientation.control.formats.leica_gsi import gsi_rows, is_gsi
+from orthomill.tasks.orientation.control.formats.metashape_xml import is_markers_xml, marker_rows
+from orthomill.tasks.orientation.control.formats.micmac_xml import is_micmac, micmac_marks, micmac_points
+from orthomill.tasks.orientation.control.formats.opensfm_points import is_opensfm, opensfm_rows
+from orthomill.tasks.orientation.control.mark_rows import mark_rows
+from orthomill.tasks.orientation.control.point_rows import point_rows
 
 SURVEYED = 5.0
 """m: standard errors in plan that no survey of points on the ground has; those from maps stay below"""
@@ -53,7 +53,7 @@ def read_control(
     """
     # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
-    surveyed, marked = _both(points, measurements, stated, mistakes)
+    surveyed, marked = _both(photos, points, measurements, stated, mistakes)
     # One sentence for a file that is no list of points; its measurements would all be of points that are unknown.
     if mistakes and not surveyed.rows:
         raise WorkflowError(first_of(mistakes))
@@ -63,22 +63,54 @@ def read_control(
             "The control points file holds no points; fill it in, or say that there is no ground control (control: {kind: none})."
         )
     corner = marked.corner if stated.corner is None else stated.corner
-    control = _measured(known, photos, (_from_centre(marked.rows, corner), distances), absent, mistakes)
+    marks = _of_known(_from_centre(marked.rows, corner), surveyed.rows, known)
+    control = _measured(known, photos, (marks, distances), absent, mistakes)
     return control.model_copy(update={"read": _as_read(surveyed, marked, control, corner, (points, measurements or ""))})
 
 
-def _both(points: str, measurements: str | None, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows]:
-    """The rows of points and measurements."""
-    if is_markers_xml(points):
-        surveyed, marked = marker_rows(points, stated, mistakes)
-        return surveyed, marked if measurements is None else mark_rows(measurements, stated, mistakes)
-    surveyed = point_rows(points, stated, mistakes)
-    if measurements is None:
+def _both(photos: Photos, points: str, measurements: str | None, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows]:
+    """The rows of points and measurements; a file may hold both."""
+    surveyed, marked = _points_in(photos, points, stated, mistakes)
+    if measurements is not None:
+        return surveyed, _marks_in(photos, measurements, stated, mistakes)
+    if marked is None:
         mistakes.append("The control points come without measurements in photographs; name their file (control > measurements).")
-        return surveyed, Rows("", ())
-    if is_markers_xml(measurements):
-        return surveyed, marker_rows(measurements, stated, mistakes)[1]
-    return surveyed, mark_rows(measurements, stated, mistakes)
+    return surveyed, marked or Rows("", ())
+
+
+def _points_in(photos: Photos, text: str, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows | None]:
+    """The points of a file of any program, and its measurements, where it has them."""
+    if is_markers_xml(text):
+        return marker_rows(text, stated, mistakes)
+    if is_opensfm(text):
+        return opensfm_rows(text, photos, stated, mistakes)
+    for recognises, read in ((is_gsi, gsi_rows), (is_landxml, landxml_rows), (is_micmac, micmac_points)):
+        if recognises(text):
+            return read(text, stated, mistakes), None
+    return point_rows(text, stated, mistakes), None
+
+
+def _marks_in(photos: Photos, text: str, stated: StatedControl, mistakes: list[str]) -> Rows:
+    """The measurements of a file of any program."""
+    if is_markers_xml(text):
+        return marker_rows(text, stated, mistakes)[1]
+    if is_opensfm(text):
+        return opensfm_rows(text, photos, stated, mistakes)[1]
+    return (micmac_marks if is_micmac(text) else mark_rows)(text, stated, mistakes)
+
+
+def _of_known(marks: tuple[Row, ...], surveyed: tuple[Row, ...], known: dict[str, ControlPoint]) -> tuple[Row, ...]:
+    """Measurements by the names that their points have, which may differ in capitals; without those of points that have their
+    sentence already."""
+    broken = {row["name"].casefold() for _, row in surveyed} - {name.casefold() for name in known}
+    times = Counter(name.casefold() for name in known)
+    folded = {name.casefold(): name for name in known if times[name.casefold()] == 1}
+    named = [(line, row, row["name"].casefold()) for line, row in marks]
+    return tuple(
+        (line, row if row["name"] in known else row | {"name": folded.get(own, row["name"])})
+        for line, row, own in named
+        if own not in broken
+    )
 
 
 def _from_centre(rows: tuple[Row, ...], corner: bool) -> tuple[Row, ...]:
@@ -98,12 +130,21 @@ def _as_read(surveyed: Rows, marked: Rows, control: Control, corner: bool, texts
     return ControlRead(
         format=form,
         points=len(control.points),
+        checks=sum(point.role == "check" for point in control.points),
         measurements=sum(len(point.measurements) for point in control.points),
         crs=surveyed.crs or "",
         skipped=surveyed.skipped + marked.skipped,
         corner=corner,
+        steps=_steps(surveyed.rows),
         encoding="Windows-1252" if "Windows-1252" in map(encoding_of, texts) else "UTF-8",
     )
+
+
+def _steps(rows: tuple[Row, ...]) -> tuple[float, float]:
+    """To which steps coordinates and heights of surveyed points are written."""
+    cells = [row for _, row in rows if row.get("role") != "tie"]
+    plan = written_step((row.get(name, "") for row in cells for name in "xy"), ENOUGH_IN_PLAN)
+    return plan, written_step((row.get("z", "") for row in cells), ENOUGH_HEIGHTS)
 
 
 def control_at(known: dict[str, ControlPoint], photos: Photos, measurements: str, absent: Rule) -> Control:
@@ -211,6 +252,9 @@ def _numbers(row: dict[str, str], names: tuple[str, ...], where: str, mistakes: 
             return None
         if mistake := sigma_mistake(value) if name.startswith("sigma") else coordinate_mistake(value):
             mistakes.append(f"{where}: {name} {mistake}.")
+            return None
+        if name in ("x", "y") and lost_digits(row[name]):
+            mistakes.append(f"{where}: {name} is '{row[name]}', {CUT}.")
             return None
         values.append(value)
     return tuple(values)

@@ -23,6 +23,7 @@ from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpL
 from orthomill.tasks.geometry.reference_system import in_area_of_use, on_earth
 from orthomill.tasks.geometry.survey_system import (
     fitting_system,
+    from_geocentric,
     middle_degrees,
     plan_of,
     refuse_unfit_place,
@@ -33,10 +34,11 @@ from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_datum import datum_apart
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
 from orthomill.tasks.orientation.control.control_heights import about_feet, at_the_heights_of_positions, with_free_heights
+from orthomill.tasks.orientation.control.control_rows import StatedControl
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 from orthomill.tasks.orientation.control.ground_distances import on_the_map
-from orthomill.tasks.orientation.control.point_rows import StatedControl
 from orthomill.tasks.orientation.control.reduced_photographs import read_in_frame
+from orthomill.tasks.orientation.control.written_coordinates import with_rounded_errors
 
 _FAR = 10.0
 """Control is on another site when it is farther from the photographs than this multiple of their extent plus flying height."""
@@ -71,7 +73,9 @@ def stated_of(source: ControlFromFiles | None) -> StatedControl:
     if source is None:
         return StatedControl()
     corner = None if source.origin is None else source.origin == "corner"
-    return StatedControl(source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.errors_in, corner)
+    return StatedControl(
+        source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.errors_in, corner, source.crs
+    )
 
 
 def control_from_scans(
@@ -114,6 +118,7 @@ class _PlacedControl:
 def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> Control:
     """Coordinates in the project's system, measurements in pixels of the photographs, distances on its map. Points on another site
     become tie points if a distance needs them: lengths are right whatever the system."""
+    control, about_rounding = with_rounded_errors(control, own or crs, crs)
     surveyed = [point for point in control.points if point.role != "tie"]
     placed = _place(surveyed, photos, own, crs) if surveyed else _PlacedControl({}, own or crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
@@ -133,7 +138,7 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
     return Control(
         points=points,
         distances=on_the_map(control.distances, points, photos, crs),
-        findings=(*placed.findings, *about_heights, *control.findings),
+        findings=(*placed.findings, *about_heights, *about_rounding, *control.findings),
         read=read,
     )
 
@@ -142,7 +147,7 @@ def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: s
     """Surveyed points in the project's system."""
     given = np.array([point.xyz for point in surveyed])
     degrees = own is None and _are_degrees(given, crs)
-    system = _DEGREES if degrees else own or crs
+    given, system = from_geocentric(given, _DEGREES if degrees else own or crs)
     found: list[ControlFinding] = [ControlInDegrees(points=len(given))] if degrees else []
     if _fits_exchanged(given, system, crs, photos):
         given = given[:, [1, 0, 2]]

@@ -7,21 +7,27 @@ without them; a height may be NaN or missing (used in plan only). Source: OpenDr
 file format."""
 
 import math
+import re
 from collections import defaultdict
 from dataclasses import dataclass
 
 from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.findings.control_findings import ControlRead
+from orthomill.schemas.maps.system_names import code_in, known_crs
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ControlFromGcpList
+from orthomill.schemas.survey_files.foreign_kinds import text_kind
 from orthomill.schemas.survey_files.photograph_names import is_image_word
-from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
+from orthomill.schemas.survey_files.sniffed_table import Lines, Separation, lines_of, separation
 from orthomill.schemas.survey_files.text_encoding import encoding_of
+from orthomill.schemas.survey_files.written_steps import CUT, ENOUGH_HEIGHTS, ENOUGH_IN_PLAN, lost_digits, written_step
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake
 from orthomill.tasks.orientation.control.absent_photographs import Skipped
 from orthomill.tasks.orientation.control.control_files import PhotosByWord, measurement_mistake
 
+_TITLES = 3
+"""lines above the measurements, one of them the reference system"""
 _BLANKS = 60
 """letters of a line that are shown"""
 
@@ -45,7 +51,12 @@ class _Measured:
     row: float
     photo: str
     rest: tuple[str, ...]
-    place: str
+    written: tuple[str, str, str]
+
+    @property
+    def place(self) -> str:
+        """The coordinates as they are written."""
+        return " ".join(self.written)
 
     @property
     def name(self) -> str:
@@ -54,12 +65,13 @@ class _Measured:
 
 def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpList:
     """Points and measurements. Raises WorkflowError that lists every mistake."""
-    lines = lines_of(text, ("#",)).others
-    if not lines:
+    # A semicolon before everything is a comment of CAD programs.
+    own = lines_of(text, ("#", "//", ";"))
+    if not own.others:
         raise WorkflowError("The GCP list is empty; its first line names the reference system, e.g. EPSG:32634.")
     of_word, skipped = PhotosByWord(photos), Skipped(source.absent)
-    sign = separation([line for _, line in lines[1:]])
-    crs, body = _system(lines, source, of_word)
+    sign = separation([line for _, line in own.others[1:]])
+    crs, body = _system(text, own, source, of_word)
     read = [_read(number, line, sign, of_word) for number, line in body]
     mistakes = [one for one in read if isinstance(one, str)]
     known: dict[str, ControlPoint] = {}
@@ -80,38 +92,56 @@ def read_gcp_list(photos: Photos, text: str, source: ControlFromGcpList) -> GcpL
     told = ControlRead(
         format="GCP list of OpenDroneMap",
         points=len(points),
+        checks=sum(point.role == "check" for point in points),
         measurements=sum(len(point.measurements) for point in points),
         crs=crs,
         corner=source.origin == "corner",
+        steps=(
+            written_step((word for one in read if isinstance(one, _Measured) for word in one.written[:2]), ENOUGH_IN_PLAN),
+            written_step((one.written[2] for one in read if isinstance(one, _Measured)), ENOUGH_HEIGHTS),
+        ),
         encoding=encoding_of(text),
     )
     return GcpList(crs, Control(points=points, findings=(finding,) if finding else (), read=told))
 
 
-def _system(
-    lines: tuple[tuple[int, str], ...], source: ControlFromGcpList, photos: PhotosByWord
-) -> tuple[str, tuple[tuple[int, str], ...]]:
+def _system(text: str, lines: Lines, source: ControlFromGcpList, photos: PhotosByWord) -> tuple[str, tuple[tuple[int, str], ...]]:
     """The reference system, and the lines of measurements. Raises WorkflowError where a measurement stands in its place."""
-    number, first = lines[0]
-    sign = separation([line for _, line in lines])
-    if isinstance(_read(number, first, sign, photos), _Measured):
-        if source.crs is None:
-            raise WorkflowError(
-                f"The GCP list names no reference system: line {number} is a measurement ('{first.strip()[:_BLANKS]}'). Put it in "
-                "a line before, e.g. EPSG:32634, or state it in the workflow (control > crs)."
-            )
-        return source.crs, lines
-    return source.crs or first.strip(), lines[1:]
+    sign = separation([line for _, line in lines.others])
+    measured = [isinstance(_read(number, line, sign, photos), _Measured) for number, line in lines.others[: _TITLES + 1]]
+    above = measured.index(True) if any(measured) else 1
+    titles, body = lines.others[:above], lines.others[above:]
+    named = next((line.strip() for _, line in titles if known_crs(line) is not None), None)
+    # Titles hold no data: a line of numbers among them is a measurement that cannot be read.
+    if named is not None:
+        kept = tuple((number, line) for number, line in titles if line.strip() != named and _has_numbers(line))
+        return source.crs or named, (*kept, *body)
+    comment = code_in(" ".join(line for _, line in lines.comments))
+    if not titles and (source.crs or comment):
+        return source.crs or comment or "", body
+    if not titles:
+        number, first = lines.others[0]
+        raise WorkflowError(
+            f"The GCP list names no reference system: line {number} is a measurement ('{first.strip()[:_BLANKS]}'). Put it in "
+            "a line before, e.g. EPSG:32634, or state it in the workflow (control > crs)."
+        )
+    if not any(measured) and (kind := text_kind(text)):
+        raise WorkflowError(f"The GCP list {kind}.")
+    return source.crs or titles[0][1].strip(), (*titles[1:], *body)
+
+
+def _has_numbers(line: str) -> bool:
+    sign = separation([line])
+    return sum(sign.coordinate(cell) is not None for cell in sign.cells(line) if cell) > 2
 
 
 def _read(number: int, line: str, sign: Separation, photos: PhotosByWord) -> _Measured | str:
     """One line, or the sentence that says what is wrong with it."""
     cells = [cell for cell in sign.cells(line) if cell or sign.sign]
-    values: list[float] = []
-    for cell in cells[:5]:
-        if (value := sign.number(cell)) is None or (sign.sign and not cell and len(values) != 2):
-            break
-        values.append(value)
+    # Some lists have the name of the point before its coordinates; a number that cannot be read is no name.
+    named = len(cells) > 6 and re.search(r"[^\d\s.,+-]", cells[0]) and len(_values(cells[1:], sign)) == 5
+    name = cells.pop(0) if named else ""
+    values = _values(cells, sign)
     # Four numbers before the photograph: the height is left out.
     if len(values) == 4 and len(cells) > 4 and is_image_word(cells[4]):
         values.insert(2, math.nan)
@@ -125,9 +155,24 @@ def _read(number: int, line: str, sign: Separation, photos: PhotosByWord) -> _Me
     for label, value in zip(("X", "Y", "Z", "col", "row"), values, strict=True):
         if not math.isnan(value) and (mistake := coordinate_mistake(value)):
             return f"GCP list, line {number}: {label} {mistake}."
+    if cut := next((cell for cell in cells[:2] if lost_digits(cell)), None):
+        return f"GCP list, line {number}: '{cut}', {CUT}."
     photo, rest = _photo_and_name(cells[5:], photos, bool(sign.sign))
     x, y, z, col, row = values
-    return _Measured(number, (x, y, z), col, row, photo, rest, f"{cells[0]} {cells[1]} {cells[2]}")
+    return _Measured(number, (x, y, z), col, row, photo, (name, *rest) if name else rest, (cells[0], cells[1], cells[2]))
+
+
+def _values(cells: list[str], sign: Separation) -> list[float]:
+    """The numbers before the photograph; where that comes before its pixel, the two change places in `cells`."""
+    if len(cells) > 5 and is_image_word(cells[3]):
+        cells[3:6] = [cells[4], cells[5], cells[3]]
+    values: list[float] = []
+    for i, cell in enumerate(cells[:5]):
+        value = sign.coordinate(cell) if i < 2 else sign.number(cell)
+        if value is None or (sign.sign and not cell and i != 2):
+            break
+        values.append(value)
+    return values
 
 
 def _photo_and_name(words: list[str], photos: PhotosByWord, separated: bool) -> tuple[str, tuple[str, ...]]:
@@ -148,7 +193,10 @@ def _with_names(lines: list[_Measured]) -> list[tuple[str, _Measured]]:
     for one in lines:
         places[one.name].add(one.place)
     ambiguous = {name for name, found in places.items() if len(found) > 1}
-    return [(" ".join(one.rest) if one.name in ambiguous and one.rest else one.name, one) for one in lines]
+    named = [(" ".join(one.rest) if one.name in ambiguous and one.rest else one.name, one) for one in lines]
+    # "gcp1" and "GCP1" at one place are one point.
+    first: dict[tuple[str, str], str] = {}
+    return [(first.setdefault((name.casefold(), one.place), name), one) for name, one in named]
 
 
 def _add(
@@ -161,7 +209,7 @@ def _add(
     if not _same(point.xyz, one.xyz):
         x, y, z = one.xyz
         return (
-            f"point {name} has the coordinates {x:g} {y:g} {z:g}, but others in an earlier line; names must differ or coordinates "
+            f"point {name} has the coordinates {x!r} {y!r} {z!r}, but others in an earlier line; names must differ or coordinates "
             "agree."
         )
     photo = photos.get(one.photo)

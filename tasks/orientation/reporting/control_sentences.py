@@ -9,6 +9,7 @@ from orthomill.schemas.findings.control_findings import (
     ControlFinding,
     ControlInDegrees,
     ControlRead,
+    CoordinatesRounded,
     DatumApart,
     HeightsAllZero,
     HeightsInFeet,
@@ -59,6 +60,8 @@ def control_sentence(finding: ControlFinding) -> str:
             f"The surveyed points, read as {finding.crs}, lie {finding.distance_m:.0f} m beside the photographs that show them; in "
             f"{finding.fits} they would lie amid them. If that is what they were surveyed in, state it (control > crs)."
         )
+    if isinstance(finding, CoordinatesRounded):
+        return _about_rounding(finding)
     if isinstance(finding, MeasurementsOfOriginals):
         (width, height), (now_width, now_height) = finding.original, finding.reduced
         return (
@@ -71,7 +74,8 @@ def control_sentence(finding: ControlFinding) -> str:
 
 def control_read_sentence(read: ControlRead) -> str:
     """Which format the control has, how much of it there is, and what was assumed."""
-    said = [f"Control: {read.format}, {read.points} points, {read.measurements} measurements, in {read.crs[:60]}."]
+    points = f"{read.points} points{f' ({read.checks} of them check points)' * bool(read.checks)}"
+    said = [f"Control: {read.format}, {points}, {read.measurements} measurements, in {read.crs[:60]}."]
     if read.skipped:
         said.append(f"{read.skipped} points without coordinates were skipped.")
     if read.corner:
@@ -123,7 +127,9 @@ def _digits(value: float) -> str:
 
 def is_grave(finding: ControlFinding) -> bool:
     """Whether the block lacks what its user relies on; measurements of points that others measure as well are no such loss."""
-    if isinstance(finding, MeasurementsOfOriginals | MeasurementsReduced | ControlExchanged | ControlInDegrees):
+    if isinstance(
+        finding, MeasurementsOfOriginals | MeasurementsReduced | ControlExchanged | ControlInDegrees | CoordinatesRounded
+    ):
         return False
     if isinstance(finding, HeightsInFeet):
         return not finding.converted
@@ -132,6 +138,15 @@ def is_grave(finding: ControlFinding) -> bool:
     if isinstance(finding, HeightsUnknown):
         return bool(finding.left_out)
     return not isinstance(finding, PhotographsAbsent) or bool(finding.lost)
+
+
+def _about_rounding(finding: CoordinatesRounded) -> str:
+    steps = ((finding.plan_m, "coordinates"), (finding.height_m, "heights"))
+    said = " and ".join(f"{what} to {_digits(step)} m" for step, what in steps if step)
+    return (
+        f"The {finding.points} surveyed points are rounded, {said}: their standard errors were enlarged by what that takes away. "
+        "Give them as they were measured; spreadsheets show fewer digits than they hold."
+    )
 
 
 def _about_zero(finding: HeightsAllZero) -> str:

@@ -5,8 +5,10 @@ longitude and height are those of the sensor, the offset of the antenna (mm) is 
 with %, then time, latitude, longitude, height, Q, satellites, sdn, sde, sdu (RTKLIB manual 2.4.2, appendix B.1), of the antenna.
 """
 
+import math
 import re
 from datetime import UTC, datetime
+from itertools import takewhile
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import HeightKind
@@ -14,10 +16,12 @@ from orthomill.schemas.survey_files.sniffed_table import lines_of
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple, fix_of
 
 _NUMBER = r"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
+_IS_NUMBER = re.compile(_NUMBER)
 _MRK = re.compile(
     rf"^\s*(\d+)\s+{_NUMBER}\s+\[\s*(\d+)\s*\].*?{_NUMBER}\s*,\s*Lat\s+{_NUMBER}\s*,\s*Lon\s+{_NUMBER}\s*,\s*Ellh"
     rf"(?:\s+{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER})?(?:\s+(\d+)\s*,\s*Q)?"
 )
+_SOLUTION = re.compile(rf"^\s*\d{{4}}[/-]\d\d[/-]\d\d[\s,;]+\d\d:\d\d:\d\d(\.\d+)?([\s,;]+{_NUMBER}){{5}}")
 _WEEK = 604_800.0
 _TRAJECTORY = 3
 """times as many lines as photographs, from which on a file is the path of the antenna and not its events"""
@@ -47,8 +51,11 @@ def read_mrk(text: str) -> PositionList:
 
 def is_pos(text: str) -> bool:
     """Whether a text is a solution of RTKLIB or Emlid."""
-    comments = " ".join(line for _, line in lines_of(text).comments if line.lstrip().startswith("%")).lower()
-    return "latitude" in comments or "x-ecef" in comments or "e-baseline" in comments
+    lines = lines_of(text)
+    comments = " ".join(line for _, line in lines.comments if line.lstrip().startswith("%")).lower()
+    named = "latitude" in comments or "x-ecef" in comments or "e-baseline" in comments
+    # Some programs leave the comments out: a time, six numbers and more.
+    return named or bool(lines.others and _SOLUTION.match(lines.others[0][1]))
 
 
 def read_pos(text: str) -> PositionList:
@@ -63,7 +70,7 @@ def read_pos(text: str) -> PositionList:
     angles = 3 if "latitude(d'" in head or "latitude(dms" in head else 1
     found, mistakes = [], []
     for line, words in lines.others:
-        one = _epoch(line, words.replace(",", " ").split(), angles)
+        one = _epoch(line, re.split(r"[\s,;]+", words.strip()), angles)
         if one is None:
             mistakes.append(f"Line {line} of the positions file (.pos) cannot be read: '{words.strip()[:60]}'.")
         else:
@@ -85,7 +92,8 @@ def read_pos(text: str) -> PositionList:
 def _epoch(line: int, words: list[str], angles: int) -> ListedPosition | None:
     """One line of a solution: two words of time, two angles (of `angles` words each) and a height, Q, satellites, sigmas."""
     try:
-        time, numbers = _time(words[0], words[1]), [float(word) for word in words[2:]]
+        # Behind its numbers a line may name the device.
+        time, numbers = _time(words[0], words[1]), [float(word) for word in takewhile(_IS_NUMBER.fullmatch, words[2:])]
         first, second = (_angle(numbers[i * angles : (i + 1) * angles]) for i in (0, 1))
         height, code, _, *rest = numbers[2 * angles :]
     except (ValueError, IndexError):
@@ -94,9 +102,21 @@ def _epoch(line: int, words: list[str], angles: int) -> ListedPosition | None:
     geocentric = abs(first) > 180.0 or abs(second) > 180.0
     place: Triple = (first, second, height) if geocentric else (second, first, height)
     sigma = (rest[0], rest[1], rest[2]) if len(rest) >= 3 else None
-    if sigma and not geocentric:
-        sigma = (sigma[1], sigma[0], sigma[2])
+    if sigma:
+        sigma = errors_on_the_ground(place, sigma) if geocentric else (sigma[1], sigma[0], sigma[2])
     return ListedPosition(line, "", place, sigma, fix=fix_of(code), time=time)
+
+
+def errors_on_the_ground(place: Triple, sigma: Triple) -> Triple:
+    """Standard errors to the east, to the north and upwards of geocentric ones at a geocentric place, whose correlations nobody
+    states."""
+    x, y, z = place
+    longitude, latitude = math.atan2(y, x), math.atan2(z, math.hypot(x, y))
+    east = (-math.sin(longitude), math.cos(longitude), 0.0)
+    up = (math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude))
+    north = (-math.sin(latitude) * math.cos(longitude), -math.sin(latitude) * math.sin(longitude), math.cos(latitude))
+    own = [math.hypot(*(share * error for share, error in zip(axis, sigma, strict=True))) for axis in (east, north, up)]
+    return own[0], own[1], own[2]
 
 
 def _angle(parts: list[float]) -> float:

@@ -28,7 +28,8 @@ class ListedPosition:
 class PositionList:
     """The lines of a file, the format that it follows, and what it says of itself: reference system, what heights refer to, that
     coordinates are degrees, that they are in the order of the axes of their system (latitude first), that standard errors are in a
-    unit that it names, that positions are those of the antenna."""
+    unit that it names, that positions are those of the antenna; `steps`: to which plan and heights are written, in their unit (0:
+    finely)."""
 
     format: str
     positions: tuple[ListedPosition, ...]
@@ -38,6 +39,7 @@ class PositionList:
     order_of_system: bool = False
     unit_stated: bool = False
     antenna: bool = False
+    steps: tuple[float, float] = (0.0, 0.0)
     without: int = 0
     angles: str | None = None
     mistakes: tuple[str, ...] = field(default=())

@@ -9,13 +9,14 @@ from pyproj import CRS, Transformer
 from orthomill.schemas.errors import WorkflowError, some_of
 from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.photo import HeightKind, Photo, PhotoRemark, PhotoRemarkCode
-from orthomill.schemas.project import PositionsFromFile
+from orthomill.schemas.project import ANY_CRS, PositionsFromFile
 from orthomill.schemas.survey_files.photograph_names import PhotographNames, photo_stem
 from orthomill.schemas.survey_files.text_encoding import encoding_of
+from orthomill.schemas.survey_files.written_steps import METRES_OF_A_DEGREE
 from orthomill.tasks.photos.position_files.event_matching import Matched, match_events
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
 from orthomill.tasks.photos.position_files.position_placing import PlacedPositions, attitudes, place
-from orthomill.tasks.photos.position_files.position_reading import read_positions, standard_errors
+from orthomill.tasks.photos.position_files.position_reading import Deserved, read_positions, standard_errors
 
 LONGEST = 60
 """letters of the name of a system; longer ones are whole definitions"""
@@ -36,18 +37,39 @@ def placed_by_file(photos: list[Photo], text: str, source: PositionsFromFile | N
     source = source or PositionsFromFile(kind="file", path="")
     listed = read_positions(text, source.errors_in)
     matched, absent = _by_name(listed, photos) if listed.named else (_by_event(listed, photos), ())
-    # Where there is no solution at all, the line says only that the shutter was released.
-    chosen = {name: one for name, one in matched.of_photo.items() if one.fix != "none"}
+    chosen = {name: one for name, one in matched.of_photo.items() if _has_place(one, crs)}
     if not chosen:
         raise WorkflowError("The positions file holds no solution: all of its lines say that the receiver had no position (0).")
     own = replace(listed, positions=tuple(replace(one, name=name) for name, one in chosen.items()))
     placed = place(own, source.crs, crs, photos)
-    defaults = (source.sigma_plan, source.sigma_height)
-    rows = zip(own.positions, placed.xyz.tolist(), attitudes(own, placed, crs), strict=True)
-    by_name = {one.name: _update(one, xyz, angles, defaults, placed, listed.heights) for one, xyz, angles in rows}
+    steps = (listed.steps[0] * (METRES_OF_A_DEGREE if placed.in_degrees else 1.0), listed.steps[1])
+    good = [
+        standard_errors(one, (source.sigma_plan, source.sigma_height), steps, bare)
+        for one, bare in zip(own.positions, placed.without_height, strict=True)
+    ]
+    rows = zip(own.positions, placed.xyz.tolist(), attitudes(own, placed, crs), good, strict=True)
+    by_name = {one.name: _update(one, xyz, angles, errors, placed, listed.heights) for one, xyz, angles, errors in rows}
     remarks = [PhotoRemark(code=PhotoRemarkCode.POSITION_WITHOUT_PHOTOGRAPH, photos=absent)] if absent else []
-    read = _read(listed, own, placed, matched, defaults).model_copy(update={"encoding": encoding_of(text)})
+    read = _read(listed, own, placed, matched).model_copy(
+        update={
+            "encoding": encoding_of(text),
+            "defaults": (source.sigma_plan, source.sigma_height) if any(map(_unstated, own.positions)) else None,
+            "unstated": sum(map(_unstated, own.positions)),
+            "raised": sum(errors.raised for errors in good),
+            "rounded_m": max(steps) if any(errors.rounded for errors in good) else None,
+        }
+    )
     return FromFile([photo.model_copy(update=by_name.get(photo.name, {})) for photo in photos], remarks, read, placed.heights)
+
+
+def _has_place(one: ListedPosition, crs: str) -> bool:
+    """Whether a line holds a place: where there is no solution, it says only that the shutter was released, and receivers without
+    one are at 0, 0."""
+    return one.fix != "none" and (crs == ANY_CRS or one.xyz[:2] != (0.0, 0.0))
+
+
+def _unstated(one: ListedPosition) -> bool:
+    return one.sigma is None and one.fix not in ("float", "single")
 
 
 def _by_event(listed: PositionList, photos: list[Photo]) -> Matched:
@@ -87,14 +109,14 @@ def _update(
     one: ListedPosition,
     xyz: list[float],
     angles: Triple | None,
-    defaults: tuple[float, float],
+    errors: Deserved,
     placed: PlacedPositions,
     stated: HeightKind | None,
 ) -> dict[str, object]:
     """What a photograph learns from its line."""
     found: dict[str, object] = {
         "position": (xyz[0], xyz[1], xyz[2]),
-        "position_sigma": standard_errors(one, defaults)[0],
+        "position_sigma": errors.sigma,
         "fix": one.fix,
         "height_kind": _kind(placed) or stated,
     }
@@ -107,9 +129,7 @@ def _kind(placed: PlacedPositions) -> HeightKind | None:
     return None if name is None else "ellipsoidal" if name.startswith("ellipsoid") else "sea_level"
 
 
-def _read(
-    listed: PositionList, own: PositionList, placed: PlacedPositions, matched: Matched, defaults: tuple[float, float]
-) -> PositionsRead:
+def _read(listed: PositionList, own: PositionList, placed: PlacedPositions, matched: Matched) -> PositionsRead:
     return PositionsRead(
         format=listed.format,
         positions=len(listed.positions),
@@ -119,9 +139,10 @@ def _read(
         matched=matched.by,
         confirmed=matched.confirmed,
         exchanged=placed.exchanged,
-        defaults=defaults if any(one.sigma is None and one.fix not in ("float", "single") for one in own.positions) else None,
-        raised=sum(standard_errors(one, defaults)[1] for one in own.positions),
         without=listed.without + len(matched.of_photo) - len(own.positions),
+        heights_of_tags=sum(placed.without_height),
+        off_tags_m=placed.off_tags.plan,
+        above_tags_m=placed.off_tags.above,
         angles=listed.angles,
         antenna=listed.antenna,
     )

@@ -6,18 +6,27 @@ the project's system is for. Heights follow the same rules as those of control.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from pyproj import CRS, Transformer
 
-from orthomill.schemas.errors import WorkflowError, some_of
-from orthomill.schemas.findings.position_findings import HeightsOfPositions
+from orthomill.schemas.errors import WorkflowError, first_of, some_of
+from orthomill.schemas.findings.position_findings import HeightsOfPositions, ToldBy
 from orthomill.schemas.maps.map_scale import map_scale
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.project import ANY_CRS
+from orthomill.tasks.geometry.coordinate_ranges import height_mistake
 from orthomill.tasks.geometry.reference_system import ground_crs, in_area_of_use
-from orthomill.tasks.geometry.survey_system import ellipsoidal, middle_degrees, survey_crs, transform_surveyed, vertical_name
+from orthomill.tasks.geometry.survey_system import (
+    are_geocentric,
+    ellipsoidal,
+    from_geocentric,
+    middle_degrees,
+    survey_crs,
+    transform_surveyed,
+    vertical_name,
+)
+from orthomill.tasks.photos.position_files.against_tags import NOTHING_TO_COMPARE, OffTags, off_tags
 from orthomill.tasks.photos.position_files.attitude_conventions import from_yaw_pitch_roll, is_line_of_sight
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
 
@@ -28,13 +37,17 @@ _FAR, _NEAR = 0.2, 0.02
 @dataclass(frozen=True)
 class PlacedPositions:
     """The positions in the project's system by the order of the list, the system that they were read in, what told it, whether
-    their axes were exchanged, and what was done with their heights."""
+    their axes were exchanged, what was done with their heights, whether they were written in degrees, which of them have the height
+    of their tags, and by how much they are off these."""
 
     xyz: np.ndarray
     crs: str
-    by: Literal["workflow", "file", "degrees", "project"]
+    by: ToldBy
     exchanged: bool
     heights: HeightsOfPositions
+    in_degrees: bool = False
+    without_height: tuple[bool, ...] = ()
+    off_tags: OffTags = NOTHING_TO_COMPARE
 
     @property
     def above_ellipsoid(self) -> bool:
@@ -49,14 +62,49 @@ def place(listed: PositionList, stated: str | None, crs: str, photos: list[Photo
     """
     points = np.array([one.xyz for one in listed.positions], float)
     system, by = _system(listed, points, stated, crs)
+    _known(system)
+    in_degrees = _known(system).is_geographic
+    points, system = from_geocentric(points, system)
+    _check_heights(listed, points)
     geographic = _known(system).is_geographic
     if listed.order_of_system and geographic:
         points = points[:, [1, 0, 2]]
     exchanged = _exchanged(points, system, crs, photos)
     points = points[:, [1, 0, 2]] if exchanged else points
-    points = _with_tag_heights(listed, points, photos)
+    missing = _missing_heights(points, crs)
+    points = _with_tag_heights(listed, points, missing, photos)
     xyz, _ = transform_surveyed(points, system, crs)
-    return PlacedPositions(xyz, system, by, exchanged, heights_of(system, crs, len(points)))
+    off = NOTHING_TO_COMPARE if crs == ANY_CRS else off_tags(xyz, *_tags_of(listed, photos, crs), system)
+    return PlacedPositions(
+        xyz, system, by, exchanged, heights_of(system, crs, len(points)), in_degrees, tuple(missing.tolist()), off
+    )
+
+
+def _missing_heights(points: np.ndarray, crs: str) -> np.ndarray:
+    """Which points (N, 3) have no height: no flight keeps to exactly 0 m, but tables without heights do."""
+    nothing = len(points) > 1 and crs != ANY_CRS and not points[:, 2].any()
+    return np.isnan(points[:, 2]) | nothing
+
+
+def _tags_of(listed: PositionList, photos: list[Photo], crs: str) -> tuple[list[Photo], np.ndarray]:
+    """The photographs of the positions, and the places (N, 2) of their tags on the map; NaN without tags."""
+    of_name = {photo.name: photo for photo in photos}
+    own = [of_name[one.name] for one in listed.positions]
+    degrees = np.array([(photo.longitude, photo.latitude) for photo in own], float)
+    to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
+    tags = np.column_stack(to_map.transform(degrees[:, 0], degrees[:, 1]))
+    return own, np.where(np.isfinite(tags), tags, np.nan)
+
+
+def _check_heights(listed: PositionList, points: np.ndarray) -> None:
+    """Raises WorkflowError for heights that no camera has."""
+    mistakes = [
+        f"Line {one.line} of the positions file is wrong: z {mistake}."
+        for one, z in zip(listed.positions, points[:, 2].tolist(), strict=True)
+        if not math.isnan(z) and (mistake := height_mistake(z))
+    ]
+    if mistakes:
+        raise WorkflowError(first_of(mistakes))
 
 
 def heights_of(system: str, crs: str, count: int) -> HeightsOfPositions:
@@ -76,14 +124,14 @@ def _known(system: str) -> CRS:
         ) from None
 
 
-def _system(
-    listed: PositionList, points: np.ndarray, stated: str | None, crs: str
-) -> tuple[str, Literal["workflow", "file", "degrees", "project"]]:
+def _system(listed: PositionList, points: np.ndarray, stated: str | None, crs: str) -> tuple[str, ToldBy]:
     """The system of a list, and what tells it."""
     if stated:
         _known(stated)
         return stated, "workflow"
     above = ellipsoidal if listed.heights == "ellipsoidal" else str
+    if not listed.crs and crs != ANY_CRS and are_geocentric(points):
+        return "EPSG:4978", "geocentric"
     if listed.crs:
         return above(listed.crs) if vertical_name_of(listed.crs) is None else listed.crs, "file"
     # A local system has its origin among the photographs; one on the Earth has none within 180 m of any site.
@@ -132,9 +180,8 @@ def _apart(place: np.ndarray | None, site: np.ndarray) -> float:
     return float(np.abs(place - site).max()) if place is not None else math.inf
 
 
-def _with_tag_heights(listed: PositionList, points: np.ndarray, photos: list[Photo]) -> np.ndarray:
+def _with_tag_heights(listed: PositionList, points: np.ndarray, missing: np.ndarray, photos: list[Photo]) -> np.ndarray:
     """Points (N, 3) with the heights of the tags where the list has none. Raises WorkflowError where there are neither."""
-    missing = np.isnan(points[:, 2])
     if not missing.any():
         return points
     of_name = {photo.name: photo.altitude for photo in photos}

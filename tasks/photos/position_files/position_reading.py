@@ -1,11 +1,13 @@
 """Any positions file to the list that it holds: the format is recognised by the content, not by the name."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.survey_files.photograph_names import photo_stem
+from orthomill.schemas.survey_files.written_steps import with_rounding
 from orthomill.tasks.photos.position_files.event_files import is_mrk, is_pos, read_mrk, read_pos
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple
 from orthomill.tasks.photos.position_files.odm_geo_file import is_geo_file, read_geo_file
@@ -15,6 +17,8 @@ _IMPOSSIBLE = 7.0
 """m: no receiver that saw four satellites is worse in plan; files that say so mean millimetres"""
 _IMPOSSIBLE_FIXED = 1.0
 """m: the same for solutions with fixed ambiguities"""
+_OF_TAGS = 5.0
+"""m: heights of GPS tags"""
 _LEAST: dict[str, Triple] = {"float": (0.2, 0.2, 0.4), "single": (1.5, 1.5, 3.0)}
 """m: what a float and a single solution are worth at best; the standard errors that receivers state for them are formal"""
 
@@ -25,7 +29,7 @@ def read_positions(text: str, unit: str | None = None) -> PositionList:
 
     Raises WorkflowError with the first mistakes, one a line.
     """
-    listed = _read(text)
+    listed = _without_zero_angles(_read(text))
     mistakes = [*listed.mistakes, *_twice(listed)]
     if mistakes:
         raise WorkflowError(first_of(mistakes))
@@ -41,6 +45,15 @@ def _read(text: str) -> PositionList:
         if recognises(text):
             return read(text)
     return read_table(text)
+
+
+def _without_zero_angles(listed: PositionList) -> PositionList:
+    """The list without angles that are all 0: programs write so where there are none, and no flight keeps to the north."""
+    turns = [turn for one in listed.positions for turn in (one.omega_phi_kappa, one.yaw_pitch_roll) if turn]
+    if len(turns) < 2 or any(any(turn) for turn in turns):
+        return listed
+    bare = tuple(replace(one, omega_phi_kappa=None, yaw_pitch_roll=None) for one in listed.positions)
+    return replace(listed, positions=bare, angles=None)
 
 
 def _twice(listed: PositionList) -> list[str]:
@@ -77,13 +90,25 @@ def _from_millimetres(one: ListedPosition) -> ListedPosition:
     return replace(one, sigma=(one.sigma[0] / 1000.0, one.sigma[1] / 1000.0, one.sigma[2] / 1000.0)) if one.sigma else one
 
 
-def standard_errors(one: ListedPosition, defaults: tuple[float, float]) -> tuple[Triple, bool]:
-    """The standard errors (m) that a position deserves, and whether they are larger than stated; `defaults`: those in plan and
-    height where the file states none."""
+class Deserved(NamedTuple):
+    """The standard errors (m) that a position deserves; whether they are larger than stated because of the kind of its solution,
+    and because its coordinates are rounded."""
+
+    sigma: Triple
+    raised: bool = False
+    rounded: bool = False
+
+
+def standard_errors(
+    one: ListedPosition, defaults: tuple[float, float], steps: tuple[float, float], without_height: bool = False
+) -> Deserved:
+    """What a position is good to; `defaults`: standard errors in plan and height where the file states none; `steps`: to which plan
+    and heights are written, m; `without_height`: whether its height is that of the tags."""
     least = _LEAST.get(one.fix or "")
-    if one.sigma is None:
-        return least or (defaults[0], defaults[0], defaults[1]), False
-    if least is None:
-        return one.sigma, False
-    raised = (max(one.sigma[0], least[0]), max(one.sigma[1], least[1]), max(one.sigma[2], least[2]))
-    return raised, raised != one.sigma
+    stated = one.sigma or least or (defaults[0], defaults[0], defaults[1])
+    own = (max(stated[0], least[0]), max(stated[1], least[1]), max(stated[2], least[2])) if least else stated
+    if without_height:
+        own, steps = (own[0], own[1], max(own[2], _OF_TAGS)), (steps[0], 0.0)
+    plan, height = steps
+    rounded = (with_rounding(own[0], plan), with_rounding(own[1], plan), with_rounding(own[2], height))
+    return Deserved(rounded, own[:2] != stated[:2], rounded != own)

@@ -10,19 +10,24 @@ from dataclasses import replace
 from statistics import pstdev
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.maps.system_names import code_in
 from orthomill.schemas.photo import Fix, HeightKind
 from orthomill.schemas.survey_files.column_words import Column, columns
+from orthomill.schemas.survey_files.foreign_kinds import text_kind
 from orthomill.schemas.survey_files.photograph_names import is_image_word
 from orthomill.schemas.survey_files.sniffed_table import Line, Lines, Separation, lines_of, separation
-from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, height_mistake, sigma_mistake
+from orthomill.schemas.survey_files.table_heads import possible_heads
+from orthomill.schemas.survey_files.written_steps import CUT, ENOUGH_HEIGHTS, ENOUGH_IN_PLAN, lost_digits, written_step
+from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple, fix_of
 
 OWN = ("photo", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 """Columns of our own format; standard errors may be left out."""
+_LIKE_ERRORS = 5.0
+"""angles of a flight are not all between 0 and 5 degrees, and standard errors in metres are"""
 _WHOLE_TURNS = 3600.0  # degrees; larger angles are other numbers
 _SIGMAS = (("sigma_x", "sigma_plan", "sigma_all"), ("sigma_y", "sigma_plan", "sigma_all"), ("sigma_z", "sigma_all", "sigma_plan"))
 """Columns from which the standard error of each coordinate is taken, the best first."""
-_CODE = re.compile(r"EPSG:{1,2}(\d{4,6})", re.IGNORECASE)
 _FIX_WORDS: dict[str, Fix] = {"fix": "fixed", "fixed": "fixed", "float": "float", "single": "single", "none": "none"}
 # Pix4D's files without a header, by the number of their columns; angles are told apart by which of them turns most.
 _PIX4D = ("photo", "x", "y", "z")
@@ -39,11 +44,12 @@ _HEADLESS: dict[int, tuple[str, ...]] = {
 def read_table(text: str) -> PositionList:
     """The positions of a table. Raises WorkflowError for a text that is none."""
     lines = lines_of(text)
-    header = _header(lines)
-    if header is None:
-        return _headless(lines)
-    names, sign, data = header
-    return _listed_rows(_format(names, text), names, sign, data, lines)
+    for head in possible_heads(lines):
+        has = head.meanings
+        if has & {"photo", "name"} and (has & {"x", "lon"} or has & {"y", "lat"}):
+            data = [Line(number, head.separation.cells(line)) for number, line in head.data]
+            return _listed_rows(_format(head.names, text), _checked(head.names), head.separation, data, lines)
+    return _headless(lines, text)
 
 
 def _listed_rows(form: str, names: tuple[str, ...], sign: Separation, data: list[Line], lines: Lines) -> PositionList:
@@ -58,36 +64,32 @@ def _listed_rows(form: str, names: tuple[str, ...], sign: Separation, data: list
     listed = PositionList(
         form,
         tuple(row for row in rows if isinstance(row, ListedPosition)),
-        _stated_system(lines),
+        code_in(" ".join(comment for _, comment in lines.comments)),
         heights,
         degrees={"lon", "lat"} <= meanings,
         unit_stated=any(c.unit != 1.0 for c in spec if c.meaning.startswith("sigma")) or _names_metres(names),
+        steps=_steps(data, spec),
         without=sum(row is None for row in rows),
         mistakes=tuple(told),
     )
     return _with_angles(listed)
 
 
+def _steps(data: list[Line], spec: tuple[Column, ...]) -> tuple[float, float]:
+    """To which steps plan and heights are written, metres or degrees."""
+    at = {column.meaning: (i, column.unit) for i, column in enumerate(spec) if column.meaning}
+    found = []
+    plan = ("lon", "lat") if "lon" in at else ("x", "y")
+    for words, enough in ((plan, ENOUGH_IN_PLAN), (("z_ellipsoidal", "z", "z_sea"), ENOUGH_HEIGHTS)):
+        own = [at[word] for word in words if word in at]
+        cells = [line.cells[i] for line in data for i, _ in own if len(line.cells) > i]
+        found.append(written_step(cells, enough) * own[0][1])
+    return found[0], found[1]
+
+
 def _names_metres(names: tuple[str, ...]) -> bool:
     """Whether a column of standard errors says that it is in metres."""
     return any(re.search(r"[\(\[_]\s*m(et(er|re)s?)?\s*[\)\]]?$", name.strip().lower()) for name in names if "acc" in name.lower())
-
-
-def _header(lines: Lines) -> tuple[tuple[str, ...], Separation, list[Line]] | None:
-    """The names of the columns, how cells are separated, and the lines of data; None without names."""
-    data = [text for _, text in lines.others]
-    # The header may be a comment ("#Label,X,Y,Z"): the last one that names columns.
-    candidates = [(False, data[0])] if data else []
-    candidates += [(True, text.lstrip("# \t")) for _, text in reversed(lines.comments)]
-    for commented, head in candidates:
-        body = list(lines.others) if commented else list(lines.others[1:])
-        sign = separation([text for _, text in body] or [head])
-        sign = sign if len(sign.cells(head)) >= 3 else separation([head])
-        names = sign.cells(head)
-        meanings = {column.meaning for column in columns(names)}
-        if meanings & {"photo", "name"} and (meanings & {"x", "lon"} or meanings & {"y", "lat"}):
-            return _checked(names), sign, [Line(number, sign.cells(text)) for number, text in body]
-    return None
 
 
 def _checked(names: tuple[str, ...]) -> tuple[str, ...]:
@@ -115,14 +117,6 @@ def _format(names: tuple[str, ...], text: str) -> str:
     return "Pix4D geolocation" if own[0] in {"imagename", "image_name"} else "table with named columns"
 
 
-def _stated_system(lines: Lines) -> str | None:
-    """The reference system that a comment names, as Metashape's first line does."""
-    for _, comment in lines.comments:
-        if found := _CODE.findall(comment):
-            return f"EPSG:{found[-1]}"
-    return None
-
-
 def _listed(line: Line, spec: tuple[Column, ...], names: tuple[str, ...], sign: Separation) -> ListedPosition | str | None:
     """The position of a line, what is wrong with it as the end of a sentence, or None where it has no position."""
     if len([cell for cell in line.cells[len(spec) :] if cell]) > 0:
@@ -137,14 +131,17 @@ def _listed(line: Line, spec: tuple[Column, ...], names: tuple[str, ...], sign: 
     z = next(word for word in ("z_ellipsoidal", "z", "z_sea") if word in units)
     if not any(cells.get(word, "").strip() for word in (x, y)):
         return None if name else "is empty"
-    values = [sign.number(cells.get(word, "")) for word in (x, y, z)]
+    values = [sign.coordinate(cells.get(word, "")) for word in (x, y, z)]
     # A height may be missing, where the line says so; a place may not.
     known = [value for value in values if value is not None]
     if len(known) < 3 or math.isnan(known[0]) or math.isnan(known[1]) or z not in cells:
         return f"does not hold six numbers after the photograph's name, but {', '.join(cells.get(w, '')[:20] for w in (x, y, z))!r}"
+    if cut := next((cells[word] for word in (x, y) if lost_digits(cells[word])), None):
+        return f"holds {cut!r}, {CUT}"
     place: Triple = (known[0] * units[x], known[1] * units[y], known[2] * units[z])
-    if mistake := _place_mistake(place):
-        return f"is wrong: {mistake}"
+    for word, value in zip("xyz", place, strict=True):
+        if not math.isnan(value) and (mistake := coordinate_mistake(value)):
+            return f"is wrong: {word} {mistake}"
     sigma = _sigma(cells, units, sign)
     if isinstance(sigma, str):
         return sigma
@@ -152,14 +149,6 @@ def _listed(line: Line, spec: tuple[Column, ...], names: tuple[str, ...], sign: 
     if isinstance(opk, str) or isinstance(ypr, str):
         return opk if isinstance(opk, str) else str(ypr)
     return ListedPosition(line.number, name, place, sigma, opk, ypr, _fix(cells.get("fix", ""), sign))
-
-
-def _place_mistake(place: Triple) -> str | None:
-    for name, value in zip("xy", place[:2], strict=True):
-        if mistake := coordinate_mistake(value):
-            return f"{name} {mistake}"
-    mistake = None if math.isnan(place[2]) else height_mistake(place[2])
-    return f"z {mistake}" if mistake else None
 
 
 def _sigma(cells: dict[str, str], units: dict[str, float], sign: Separation) -> Triple | str | None:
@@ -173,7 +162,7 @@ def _sigma(cells: dict[str, str], units: dict[str, float], sign: Separation) -> 
         if value is None:
             return f"gives {cells.get(word, '')[:20]!r} as standard error {own[0]}, which is no number"
         if math.isnan(value):
-            return f"does not hold six numbers after the photograph's name: {own[0]} is missing"
+            return None
         value *= units[word]
         if mistake := sigma_mistake(value):
             return f"is wrong: {own[0]} {mistake}"
@@ -203,15 +192,26 @@ def _with_angles(listed: PositionList) -> PositionList:
     return listed
 
 
-def _headless(lines: Lines) -> PositionList:
+def _headless(lines: Lines, text: str) -> PositionList:
     """A table without names of columns, as Pix4D reads it. Raises WorkflowError where it is none."""
+    if not lines.others:
+        raise WorkflowError("The positions file is empty; fill it in, or set positions: {kind: none}.")
+    if kind := text_kind(text):
+        raise WorkflowError(f"The positions file {kind}.")
     sign = separation([text for _, text in lines.others])
     rows = [Line(number, sign.cells(text)) for number, text in lines.others]
     width = max((len(row.cells) for row in rows), default=0)
-    if not rows or width not in _HEADLESS or not is_image_word(rows[0].cells[0]):
+    first = rows[0].cells
+    numbers = [sign.coordinate(cell) for cell in first[1:3]]
+    if (
+        width not in _HEADLESS
+        or len(numbers) < 2
+        or None in numbers
+        or not (is_image_word(first[0]) or sign.number(first[0]) is None)
+    ):
         raise WorkflowError(
-            f"The positions file has no column photo, x, y, z and follows no format that is known; its first line must name "
-            f"{', '.join(OWN)}."
+            f"The positions file has no column photo, x, y, z and follows no format that is known: it begins with "
+            f"'{lines.others[0][1].strip()[:60]}'. Its first line must name {', '.join(OWN)}."
         )
     names = _named_angles(_HEADLESS[width], rows, sign)
     return replace(_listed_rows("Pix4D geolocation without header", names, sign, rows, lines), order_of_system=True)
@@ -224,6 +224,11 @@ def _named_angles(names: tuple[str, ...], rows: list[Line], sign: Separation) ->
     at = names.index("angle1")
     triples = [[sign.number(cell) or 0.0 for cell in row.cells[at : at + 3]] for row in rows if len(row.cells) >= at + 3]
     first, _, third = (pstdev(values) for values in zip(*triples, strict=True)) if triples else (0.0, 0.0, 0.0)
+    if triples and len(names) == 7 and all(0.0 < value <= _LIKE_ERRORS for values in triples for value in values):
+        raise WorkflowError(
+            "The last three columns of the positions file may be standard errors or angles; name its columns in the first line: "
+            f"{', '.join(OWN)}."
+        )
     if max(first, third) < 5.0 * min(first, third) or max(first, third) < 10.0:
         return tuple("" if name.startswith("angle") else name for name in names)
     words = ("omega", "phi", "kappa") if third > first else ("yaw", "pitch", "roll")

@@ -1,8 +1,9 @@
-"""Forty control and position files, as programs and people write them: each is right, or refused with the line that is wrong.
+"""Eighty control files, as programs and people write them: each is right, or refused with the line that is wrong.
 
 One site: two photographs in UTM zone 32, three points. `place` gives any point in any system, so that every file has one answer.
 """
 
+import json
 from functools import cache
 
 import numpy as np
@@ -49,7 +50,7 @@ def gcp(form: str = "{x} {y} {z} {col} {row} {photo} {name}", system: str = UTM,
     lines = [word for word in [system if head is None else head] if word]
     for name, pixels in PIXELS.items():
         for photo, (col, row) in zip(NAMES, pixels, strict=True):
-            x, y, z = (repr(value) for value in place(name, system))
+            x, y, z = place(name, system)
             pixel = [repr(k * (value + 0.5) - 0.5) for value in (col, row)]
             lines.append(form.format(x=x, y=y, z=z, col=pixel[0], row=pixel[1], photo=f"{photo}.JPG", name=name))
     return "\n".join(lines) + "\n"
@@ -58,7 +59,7 @@ def gcp(form: str = "{x} {y} {z} {col} {row} {photo} {name}", system: str = UTM,
 def table(form: str, head: str = "", system: str = UTM) -> str:
     lines = [head] if head else []
     for name in POINTS:
-        x, y, z = (repr(value) for value in place(name, system))
+        x, y, z = place(name, system)
         lines.append(form.format(x=x, y=y, z=z, name=name))
     return "\n".join(lines) + "\n"
 
@@ -98,6 +99,83 @@ OWN = "name,role,x,y,z,sigma_x,sigma_y,sigma_z"
 OWN_LINE = "{name},control,{x},{y},{z},0.02,0.02,0.03"
 
 
+def angle(value: float, letters: str, form: str = "{d}°{m:02d}'{s:011.8f}\"{h}") -> str:
+    degrees, minutes = int(abs(value)), int(abs(value) % 1 * 60)
+    seconds = (abs(value) - degrees - minutes / 60) * 3600
+    return form.format(d=degrees, m=minutes, s=seconds, h=letters[value < 0])
+
+
+def in_words(text: str, form: str = "{d}°{m:02d}'{s:011.8f}\"{h}") -> str:
+    """A list in degrees, written in degrees, minutes and seconds with the letter of the hemisphere."""
+    for name in POINTS:
+        x, y, _ = place(name, "EPSG:4326")
+        text = text.replace(repr(x), angle(x, "EW", form)).replace(repr(y), angle(y, "NS", form))
+    return text
+
+
+def apart(text: str, sign: str) -> str:
+    """A list with a sign between thousands."""
+    for x, y, _ in POINTS.values():
+        text = text.replace(repr(x), f"{x:,}".replace(",", sign)).replace(repr(y), f"{y:,}".replace(",", sign))
+    return text
+
+
+def gsi() -> str:
+    lines = []
+    for i, (name, values) in enumerate(POINTS.items(), 1):
+        words = " ".join(f"{81 + k}..00+{round(value * 1000):016d}" for k, value in enumerate(values))
+        lines.append(f"*11{i:04d}+{name:0>16} {words} ")
+    return "\n".join(lines) + "\n"
+
+
+def landxml() -> str:
+    points = "".join(f'<CgPoint name="{name}" code="GCP">{y!r} {x!r} {z!r}</CgPoint>' for name, (x, y, z) in POINTS.items())
+    head = '<LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2"><Units><Metric linearUnit="meter"/></Units>'
+    return f'<?xml version="1.0"?>\n{head}<CgPoints name="Control">{points}</CgPoints></LandXML>'
+
+
+def micmac() -> tuple[str, str]:
+    points = "".join(
+        f"<OneAppuisDAF><Pt> {x!r} {y!r} {z!r} </Pt><NamePt> {name} </NamePt><Incertitude> 1 1 1 </Incertitude></OneAppuisDAF>"
+        for name, (x, y, z) in POINTS.items()
+    )
+    seen = ""
+    for i, photo in enumerate(NAMES):
+        own = "".join(
+            f"<OneMesureAF1I><NamePt>{name}</NamePt><PtIm>{p[i][0]!r} {p[i][1]!r}</PtIm></OneMesureAF1I>"
+            for name, p in PIXELS.items()
+        )
+        seen += f"<MesureAppuiFlottant1Im><NameIm>{photo}.JPG</NameIm>{own}</MesureAppuiFlottant1Im>"
+    head = '<?xml version="1.0" ?>\n'
+    wrapped = f"{head}<SetOfMesureAppuisFlottants>{seen}</SetOfMesureAppuisFlottants>"
+    return f"{head}<Global><DicoAppuisFlottant>{points}</DicoAppuisFlottant></Global>", wrapped
+
+
+def opensfm() -> str:
+    found = []
+    for name, pixels in PIXELS.items():
+        x, y, z = place(name, "EPSG:4326")
+        seen = [
+            {"shot_id": f"{photo}.JPG", "projection": [(col + 0.5 - 400) / 800, (row + 0.5 - 225) / 800]}
+            for photo, (col, row) in zip(NAMES, pixels, strict=True)
+        ]
+        found.append({"id": name, "position": {"latitude": y, "longitude": x, "altitude": z}, "observations": seen})
+    return json.dumps({"points": found})
+
+
+def receiver(system: str, unit: float = 1.0) -> str:
+    """The table of a receiver: easting, northing and height of a system, and degrees with heights above the ellipsoid."""
+    head = (
+        "Name,Code,Easting,Northing,Elevation,Longitude,Latitude,Ellipsoidal height,Easting RMS,Northing RMS,Elevation RMS,CS name"
+    )
+    lines = [head]
+    for name, (x, y, z) in POINTS.items():
+        lon, lat, _ = place(name, "EPSG:4326")
+        own = [x / unit, y / unit, z / unit, lon, lat, z]
+        lines.append(f"{name},,{','.join(map(repr, own))},0.011,0.012,0.018,{system}")
+    return "\n".join(lines) + "\n"
+
+
 def comma(text: str) -> str:
     return text.replace(".", ",").replace(",JPG", ".JPG")
 
@@ -113,7 +191,20 @@ def filed(points: str | bytes, measured: str | None, **more):
     return control_from_files(PHOTOS, read, measured, source.crs, UTM, source=source)
 
 
-FEET = "EPSG:2263+6360"
+def geocentric(text: str) -> str:
+    to_space = Transformer.from_crs(CRS(UTM).to_3d(), "EPSG:4978", always_xy=True)
+    for x, y, z in POINTS.values():
+        text = text.replace(f"{x!r} {y!r} {z!r}", " ".join(map(repr, to_space.transform(x, y, z))))
+    return text.replace(UTM, "EPSG:4978")
+
+
+def feet(text: str) -> str:
+    for values in POINTS.values():
+        for value in values:
+            text = text.replace(repr(value), repr(value / 0.3048))
+    return text
+
+
 US_FEET = "+proj=utm +zone=32 +datum=WGS84 +units=us-ft"
 LISTS = {
     "as documented": lambda: listed(gcp()),
@@ -137,6 +228,27 @@ LISTS = {
     "US survey feet": lambda: listed(gcp(system=US_FEET)),
     "the workflow names the system": lambda: listed(gcp(head="our grid"), crs=UTM),
     "no line with the system, named in the workflow": lambda: listed(gcp(head=""), crs=UTM),
+    "the system in a comment": lambda: listed(gcp(head=f"# {UTM}")),
+    "EPSG without its colon": lambda: listed(gcp(head="EPSG 32632")),
+    "UTM in other words": lambda: listed(gcp(head="WGS 84 UTM 32 N")),
+    "WGS84 longlat, latitude first": lambda: listed(gcp("{y} {x} {z} {col} {row} {photo} {name}", "EPSG:4326", "WGS84 longlat")),
+    "WKT": lambda: listed(gcp(head=CRS(UTM).to_wkt("WKT1_GDAL"))),
+    "a title above the system": lambda: listed(gcp(head=f"Quarry, survey of May\n{UTM}")),
+    "names of columns below the system": lambda: listed(gcp(head=f"{UTM}\nX Y Z pixel_x pixel_y image name")),
+    "comments of CAD programs": lambda: listed(gcp(head=f"{UTM}\n; surveyed in May\n// by RTK")),
+    "name first": lambda: listed(gcp("{name} {x} {y} {z} {col} {row} {photo}")),
+    "photograph before its pixel": lambda: listed(gcp("{x} {y} {z} {photo} {col} {row} {name}")),
+    "a tab at the end of all lines": lambda: listed(gcp("{x} {y} {z} {col} {row} {photo} {name}\t")),
+    "quotes around paths with blanks": lambda: listed(gcp('{x} {y} {z} {col} {row} "C:\\my flight\\{photo}" {name}')),
+    "ends of lines of old computers": lambda: listed(gcp().replace("\n", "\r")),
+    "UTF-16 without its mark": lambda: listed(gcp().encode("utf-16-le")),
+    "UTF-32": lambda: listed(gcp().encode("utf-32")),
+    "degrees, minutes and seconds": lambda: listed(in_words(gcp(system="EPSG:4326"))),
+    "letters of hemispheres": lambda: listed(in_words(gcp(system="EPSG:4326"), "{h}{d}:{m}:{s:.8f}")),
+    "commas between thousands": lambda: listed(apart(gcp(), ",")),
+    "apostrophes between thousands": lambda: listed(apart(gcp("{x};{y};{z};{col};{row};{photo};{name}"), "'")),
+    "one point in capitals and not": lambda: listed(gcp().replace("DJI_0002.JPG P1", "DJI_0002.JPG p1")),
+    "geocentric": lambda: listed(geocentric(gcp())),
 }
 FILES = {
     "our own": lambda: filed(table(OWN_LINE, OWN), marks()),
@@ -164,6 +276,24 @@ FILES = {
     ),
     "Metashape XML": lambda: filed(markers_xml(), None),
     "Leica with blanks": lambda: filed(table("{name} {x} {y} {z}"), marks()),
+    "northing, easting, height, code": lambda: filed(
+        table("{name},{y},{x},{z},iron pin", "Point Number,Northing,Easting,Elevation,Description"), marks()
+    ),
+    "PNEZD without names of columns": lambda: filed(table("{name},{y},{x},{z},iron pin"), marks()),
+    "a receiver's table in a system that PROJ knows": lambda: filed(receiver("WGS 84 / UTM zone 32N"), marks()),
+    "a receiver's table in feet of a system that nobody knows": lambda: filed(receiver("Site 7 (ftUS)", 0.3048006), marks()),
+    "a receiver's table in the system of the workflow": lambda: filed(receiver("Site 7"), marks(), crs=UTM),
+    "degrees, minutes and seconds in a table": lambda: filed(
+        in_words(table("{name};{y};{x};{z}", "name;lat;lon;z", "EPSG:4326")), marks()
+    ),
+    "commas between thousands, quoted": lambda: filed(apart(table('{name},"{x}","{y}",{z}', "name,x,y,z"), ","), marks()),
+    "measurements of points in small letters": lambda: filed(table("{name},{x},{y},{z}"), marks().replace("\nP", "\np")),
+    "titles above the names of columns": lambda: filed(table("{name},{x},{y},{z}", "Quarry 7\nname,x,y,z"), marks()),
+    "feet by the names of columns": lambda: filed(feet(table("{name},{x},{y},{z}", "name,x (ft),y (ft),z (ft)")), marks()),
+    "Leica GSI": lambda: filed(gsi(), marks()),
+    "LandXML": lambda: filed(landxml(), marks()),
+    "MicMac": lambda: filed(*micmac()),
+    "OpenSfM": lambda: filed(opensfm(), None),
     "UTF-16 with semicolons": lambda: filed(table(OWN_LINE, OWN).replace(",", ";").encode("utf-16"), marks()),
 }
 
@@ -254,7 +384,6 @@ REFUSED = [
         r"list, line 4: '391040\.5\.1 .* must hold X Y Z col row photograph",
     ),
     (lambda: listed(b"\x00\x01" + gcp().encode()), "holds NUL bytes"),
-    (lambda: listed(gcp().encode("utf-16-le")), "holds NUL bytes"),
     (lambda: listed(gcp().replace("DJI_", "IMG_")), PHOTOS_ABSENT),
     (lambda: listed(gcp(head="WGS84 UTM 32")), "'WGS84 UTM 32' of the control points is not known"),
     (lambda: filed(table(OWN_LINE, OWN).replace(".", ","), marks()), "line 2: 14 cells, but the first line names 8 columns"),
@@ -263,7 +392,29 @@ REFUSED = [
         r"standard errors of 20\.02, 20\.02, 20\.03.*errors_in: mm",
     ),
     (lambda: filed(table("{name},{x},{y},{z}", "name,x,y,z"), None), "come without measurements in photographs"),
-    (lambda: filed(table("{name},{x}", "name,x"), marks()), r"lacks the column\(s\)"),
+    (lambda: filed(table("{name},{x}", "name,x"), marks()), r"lacks the column\(s\) y"),
+    (lambda: filed(b"PK\x03\x04 and so on", marks()), r"points.csv is a spreadsheet \(.xlsx, .ods\).*CSV"),
+    (lambda: filed(b"\x00\x00\x27\x0a", marks()), "is a shapefile; export its points"),
+    (lambda: filed('<?xml version="1.0"?>\n<kml xmlns="x"></kml>', marks()), "is a KML file, .* export its points"),
+    (lambda: filed('<?xml version="1.0"?>\n<gpx></gpx>', marks()), "is a GPX file of a navigation receiver"),
+    (lambda: filed('{"type": "FeatureCollection"}', marks()), "is a GeoJSON file"),
+    (lambda: filed("<?xml version='1.0'?><BlocksExchange/>", marks()), "is a block of ContextCapture"),
+    (lambda: listed("<!DOCTYPE html><html>404</html>"), "is a web page"),
+    (lambda: filed("", marks()), "The control points file is empty"),
+    (lambda: filed(landxml().replace("meter", "furlong"), marks()), "in the unit 'furlong', which is not known"),
+    (lambda: filed(landxml().replace("391040.5 ", "391o40 "), marks()), "point P2: '4987055.75 391o40 303.25' must hold northing"),
+    (lambda: filed(gsi().replace("81..00", "81..05"), marks()), "line 1, point P1: the word 81 cannot be read"),
+    (lambda: filed("110001+000000P1 21.102+19723700 31..00+00045179\n", marks()), "holds measurements, but no coordinates"),
+    (lambda: filed(micmac()[1], micmac()[1]), "MicMac. holds no points"),
+    (lambda: filed(micmac()[0].replace("<Global>", "<!DOCTYPE d [<!ENTITY a 'b'>]><Global>"), marks()), "it defines entities"),
+    (lambda: filed(opensfm().replace('"id"', '"name"'), None), "is no ground_control_points.json .*KeyError: 'id'"),
+    (lambda: listed(gcp().replace("391040.5 ", "3.91E+05 ")), "line 4: '3.91E\\+05', which a spreadsheet has cut"),
+    (lambda: filed(table("{name},{x},{y},{z}").replace("391000.125", "3.91E+05"), marks()), "P1: x is '3.91E.05', .* has cut"),
+    (
+        lambda: listed(gcp().replace("391040.5 4987055.75 303.25 611.5", "391040.6 4987055.75 303.25 611.5")),
+        "line 5: point P2 has the coordinates 391040.6 4987055.75 303.25, but others in an earlier line",
+    ),
+    (lambda: filed(table("{name};{x};{y};{z}", "name;x;y;z").replace("391000.125", "391.000;5"), marks()), "line 2: 5 cells"),
     (lambda: filed(markers_xml().replace("<document", ENTITIES), None), "it defines entities"),
     (lambda: filed(markers_xml()[:-20], None), "is no XML that can be read"),
     (lambda: filed(markers_xml("false"), None), "is measured in no photograph"),
@@ -278,6 +429,59 @@ REFUSED = [
 def test_what_cannot_be_right_is_refused_with_its_line(make, sentence):
     with pytest.raises(OrthomillError, match=sentence):
         make()
+
+
+CHECKED = {
+    "Metashape CSV": lambda: filed(
+        table("{name},1,{x},{y},{z},0.005", "#Label,Enable,X,Y,Z,Accuracy_(m)").replace("P3,1", "P3,0"), marks()
+    ),
+    "Metashape XML": lambda: filed(markers_xml().replace('<reference x="390970.75"', '<reference enabled="0" x="390970.75"'), None),
+    "a column of types": lambda: filed(
+        table("{name},{x},{y},{z},GCP", "name,x,y,z,type").replace("125,GCP", "125,Check point"), marks()
+    ),
+    "CP beside GCP": lambda: filed(table("{name},{x},{y},{z},GCP", "name,x,y,z,type").replace("125,GCP", "125,CP"), marks()),
+    "the workflow": lambda: filed(table("{name},{x},{y},{z},GCP", "name,x,y,z,type"), marks(), check=("P3",)),
+    "OpenSfM": lambda: filed(opensfm().replace('"id": "P3"', '"role": "metrics_only", "id": "P3"'), None),
+}
+
+
+@pytest.mark.parametrize("case", CHECKED)
+def test_check_points_of_other_programs_are_none_of_the_control(case):
+    found = CHECKED[case]()
+    assert {point.name: point.role for point in found.points} == {"P1": "control", "P2": "control", "P3": "check"}
+    assert "(1 of them check points)" in control_read_sentence(found.read)
+
+
+def test_types_that_are_no_roles_tell_nothing():
+    found = filed(table("{name},{x},{y},{z},concrete", "name,x,y,z,type"), marks())
+    assert [point.role for point in found.points] == ["control"] * 3
+
+
+@pytest.mark.parametrize(
+    ("make", "sigma", "said"),
+    [
+        (
+            lambda: listed(gcp("{x:.0f} {y:.0f} {z:.0f} {col} {row} {photo} {name}")),
+            (0.29, 0.29),
+            "coordinates to 1 m and heights to 1 m",
+        ),
+        (lambda: listed(gcp("{x:.5f} {y:.5f} {z} {col} {row} {photo} {name}", "EPSG:4326")), (0.32, 0.05), "coordinates to 1.1 m:"),
+        (lambda: filed(table("{name},{x:.0f},{y:.0f},{z}", "name,x,y,z"), marks()), (0.29, 0.05), "coordinates to 1 m:"),
+    ],
+)
+def test_rounded_coordinates_are_no_better_than_their_rounding(make, sigma, said):
+    """0.29 m: the standard deviation of a metre, by the square root of 12."""
+    found = make()
+    assert found.points[0].sigma[0] == pytest.approx(sigma[0], abs=0.01)
+    assert found.points[0].sigma[2] == pytest.approx(sigma[1], abs=0.01)
+    (told,) = [finding for finding in found.findings if finding.code == "coordinates_rounded"]
+    assert said in control_sentence(told)
+
+
+def test_mistakes_of_points_are_told_once():
+    with pytest.raises(OrthomillError) as refused:
+        filed(table("{name},{x},{y},{z}", "name,x,y,z").replace("391000.125", "39l000"), marks())
+    assert str(refused.value) == "Control points file, line 2, point P1: x is '39l000', which must be a number."
 
 
 def test_pixels_of_larger_photographs_are_divided_by_a_plain_factor():

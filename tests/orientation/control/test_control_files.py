@@ -34,7 +34,7 @@ def test_points_and_measurements_are_put_together():
         (POINTS.replace("4,5,6", "4,east,6"), MEASURED, "y is 'east', which must be a number"),
         (POINTS.replace("check", "chek"), MEASURED, "role 'chek'; allowed are control, check and tie"),
         (POINTS.replace("sigma_z", "tz"), MEASURED, "lacks the column"),
-        ("", MEASURED, "lacks the column"),
+        ("", MEASURED, "control points file is empty"),
         (POINTS.splitlines()[0], MEASURED.splitlines()[0], "The control points file holds no points"),
         (POINTS.replace("4,5,6", "4e12,5,6"), MEASURED, "which is no coordinate on the Earth"),
         (POINTS.replace("0.1,0.1,0.2\nP2", "1e-300,0.1,0.2\nP2"), MEASURED, "sigma_x is 1e-300, but a standard error is between"),

@@ -22,7 +22,7 @@ from orthomill.tasks.photos.position_sentences import assumptions, heights_sente
 UTM = "EPSG:32632"
 # Strips of unequal bases, so that a shift by one exposure is none of them.
 PLACES = np.array(
-    [(391000.0 + x, 4987000.0 + y, 350.0 + i / 8) for i, (x, y) in enumerate([(0, 0), (14, 2), (31, 0), (31, 25), (9, 25)])]
+    [(391000.137 + x, 4987000.263 + y, 350.0 + i / 8) for i, (x, y) in enumerate([(0, 0), (14, 2), (31, 0), (31, 25), (9, 25)])]
 )
 NAMES = tuple(f"DJI_{i + 1:04d}" for i in range(len(PLACES)))
 SECONDS = (0.0, 3.0, 7.0, 15.0, 20.0)
@@ -59,9 +59,7 @@ def lines(form: str, head: str = "", values: np.ndarray | None = None) -> str:
     found = [head] if head else []
     for i, (name, (x, y, z)) in enumerate(zip(NAMES, rows.tolist(), strict=True)):
         yaw, pitch, roll = YPR[i]
-        found.append(
-            form.format(name=name, x=repr(x), y=repr(y), z=repr(z), yaw=yaw, pitch=pitch, roll=roll, n=i + 1, t=SECONDS[i])
-        )
+        found.append(form.format(name=name, x=x, y=y, z=z, yaw=yaw, pitch=pitch, roll=roll, n=i + 1, t=SECONDS[i]))
     return "\n".join(found) + "\n"
 
 
@@ -127,6 +125,39 @@ FILES = {
             degrees(),
         )
     ),
+    "Pix4D without header and extensions": lambda: placed(lines("{name},{y},{x},{z},0.02,0.03", values=degrees())),
+    "titles above the names of columns": lambda: placed(lines(OWN_LINE, f"Flight 3\nover the quarry\n{OWN}")),
+    "REDtoolbox": lambda: placed(
+        lines(
+            "{name}.JPG;{y};{x};{z};0.014;0.011;0.021;1",
+            "# REDtoolbox v2.85\nImageName;Latitude[deg];Longitude[deg];EllipsoidHeight[m];StdDev_N[m];StdDev_E[m];StdDev_U[m];Q",
+            degrees(),
+        )
+    ),
+    "receiver with centimetres": lambda: placed(
+        lines("{name},{y},{x},{z},2,3", "photo,lat,lon,z,Horizontal accuracy (cm),Vertical accuracy (cm)", degrees())
+    ),
+    "exiftool": lambda: placed(
+        exiftool(
+            lines('./{name}.JPG,"{y}","{x}",{z} m Above Sea Level', "SourceFile,GPSLatitude,GPSLongitude,GPSAltitude", degrees())
+        ),
+        sigma_plan=0.02,
+        sigma_height=0.03,
+    ),
+    "degrees and easting": lambda: placed(
+        lines(
+            "{name},{y},{x},391000,4987000,{z},0.02,0.03", "photo,lat,lon,easting,northing,ellipsoidal height,acch,accv", degrees()
+        )
+    ),
+    "feet by the names of columns": lambda: placed(
+        feet(lines("{name},{x},{y},{z},0.02,0.03", "photo,lon,lat,altitude (ft),acch,accv", degrees()))
+    ),
+    "geocentric": lambda: placed(geocentric(lines(OWN_LINE, OWN))),
+    "geocentric by a comment": lambda: placed("# EPSG:4978\n" + geocentric(lines(OWN_LINE, OWN))),
+    "UTF-16 without its mark": lambda: placed(lines(OWN_LINE, OWN).encode("utf-16-le")),
+    "ends of lines of old computers": lambda: placed(lines(OWN_LINE, OWN).replace("\n", "\r")),
+    "geo.txt without extensions": lambda: placed(lines("{name} {x} {y} {z} 0 0 0 0.02 0.03", UTM)),
+    "geo.txt with commas": lambda: placed(lines("{name}.JPG,{x},{y},{z},0,0,0,0.02,0.03", "WGS 84 UTM 32N")),
     "geo.txt": lambda: placed(lines("{name}.JPG {x} {y} {z}", UTM), sigma_plan=0.02, sigma_height=0.03),
     "geo.txt in degrees with everything": lambda: placed(
         lines("{name}.JPG {x} {y} {z} {yaw} {pitch} {roll} 0.02 0.03 note", "EPSG:4326", degrees())
@@ -143,7 +174,45 @@ FILES = {
     "time marks by their numbers": lambda: placed(mrk()),
     "events in their order": lambda: placed(pos(), headers(time=True)),
     "events by places": lambda: placed(pos(), headers(gps=True)),
+    "events with semicolons": lambda: placed(semicolons(pos()), headers(time=True)),
+    "events with the name of the device": lambda: placed(pos().replace("99.9", "99.9 rover7"), headers(time=True)),
+    "events without comments": lambda: placed("\n".join(pos().splitlines()[2:]), headers(time=True)),
+    "events in geocentric coordinates": lambda: placed(pos_of_space(), headers(time=True)),
 }
+
+
+def exiftool(text: str) -> str:
+    """Degrees as exiftool writes them by default; quotes are doubled in a cell of CSV."""
+    for x, y, _ in degrees().tolist():
+        for value, letter in ((x, "E"), (y, "N")):
+            minutes = value % 1 * 60
+            text = text.replace(repr(value), f'{int(value)} deg {int(minutes)}\' {minutes % 1 * 60:.8f}"" {letter}')
+    return text
+
+
+def geocentric(text: str) -> str:
+    to_space = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+    for (x, y, z), (lon, lat, _) in zip(PLACES.tolist(), degrees().tolist(), strict=True):
+        text = text.replace(f"{x!r},{y!r},{z!r}", ",".join(f"{value:.4f}" for value in to_space.transform(lon, lat, z)))
+    return text
+
+
+def feet(text: str) -> str:
+    for z in PLACES[:, 2].tolist():
+        text = text.replace(f",{z!r},", f",{z / 0.3048!r},")
+    return text
+
+
+def semicolons(text: str) -> str:
+    return "\n".join(line if line.startswith("%") else line.replace("   ", ";").replace("  ", ";") for line in text.splitlines())
+
+
+def pos_of_space() -> str:
+    to_space = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+    text = pos().replace("latitude(deg) longitude(deg)  height(m)", "x-ecef(m)  y-ecef(m)  z-ecef(m)")
+    for x, y, z in degrees().tolist():
+        text = text.replace(f"{y!r}   {x!r}   {z!r}", "   ".join(f"{value:.4f}" for value in to_space.transform(x, y, z)))
+    return text
 
 
 @pytest.mark.parametrize("case", FILES)
@@ -166,6 +235,7 @@ def test_positions_are_read_as_they_are(case):
         ("events in their order", "positions of the antenna"),
         ("Metashape with its system", "Metashape reference, 5 positions, 5 used, in EPSG:32632 (as the file states)"),
         ("senseFly geoinfo", "Positions: senseFly geoinfo"),
+        ("geocentric", "told by the numbers, which are geocentric"),
         ("geo.txt in degrees with everything", "Its angles (yaw, pitch, roll) are taken as approximate attitudes"),
     ],
 )
@@ -188,6 +258,47 @@ def test_heights_of_the_tags_stand_in_for_missing_ones():
     assert found["DJI_0002"].position[2] == pytest.approx(PLACES[1, 2])
 
 
+@pytest.mark.parametrize("height", ["", "nan", "0"])
+def test_heights_that_a_table_lacks_are_as_good_as_tags(height):
+    found = placed(lines("{name},{x},{y}," + height + ",0.02,0.03", "photo,x,y,z,acch,accv"), headers(gps=True))
+    assert found["DJI_0002"].position[2] == pytest.approx(PLACES[1, 2]) and found["DJI_0002"].position_sigma == (0.02, 0.02, 5.0)
+    assert "5 of them have no height in it, and have that of the GPS tags" in read_sentence(found.positions_read)
+
+
+def test_receivers_without_a_position_are_at_0_0():
+    found = placed(lines(OWN_LINE, OWN).replace("DJI_0003,391031.137,4987000.263", "DJI_0003,0,0"))
+    assert found["DJI_0003"].position is None and found["DJI_0004"].position is not None
+    assert "1 lines hold no position" in read_sentence(found.positions_read)
+
+
+def test_angles_that_are_all_0_are_none():
+    assert FILES["geo.txt with commas"]()["DJI_0001"].attitude is None
+
+
+@pytest.mark.parametrize(("place", "sigma"), [("{y:.5f},{x:.5f}", 0.32), ("{y:.6f},{x:.6f}", 0.038), ("{y},{x}", 0.02)])
+def test_rounded_degrees_are_no_better_than_their_rounding(place, sigma):
+    """1e-5 degrees are 1.1 m; of 7 decimals nothing is left to say."""
+    found = placed(lines("{name}," + place + ",{z},0.02,0.03", "photo,lat,lon,z,acch,accv", degrees()))
+    assert found["DJI_0001"].position_sigma == pytest.approx((sigma, sigma, 0.03), abs=0.002)
+    assert ("rounded" in read_sentence(found.positions_read)) == (sigma > 0.02)
+
+
+@pytest.mark.parametrize(
+    ("moved", "said"),
+    [((0, 0, -300), "300 m below those of the GPS tags"), ((0, 500, 0), "500 m from where the GPS tags say"), ((0, 20, 50), "")],
+)
+def test_what_tags_say_of_positions(moved, said):
+    found = placed(lines(OWN_LINE, OWN, PLACES + moved), headers(gps=True))
+    told = read_sentence(found.positions_read)
+    assert said in told if said else "GPS tags" not in told
+
+
+def test_lines_without_standard_errors_have_the_default():
+    found = placed(lines(OWN_LINE, OWN).replace("0.011,0.014,0.021", ",,", 1))
+    assert found["DJI_0001"].position_sigma == (3.0, 3.0, 5.0) and found["DJI_0002"].position_sigma == (0.011, 0.014, 0.021)
+    assert "states no standard errors for 1 of them" in read_sentence(found.positions_read)
+
+
 REFUSED = [
     (
         lambda: placed(lines("{name},{x},{y},{z},11,14,21", OWN)),
@@ -199,12 +310,25 @@ REFUSED = [
     (lambda: placed(lines(OWN_LINE, OWN).replace("DJI", "IMG")), "names none of the photographs: it has IMG_0001"),
     (lambda: placed(lines(OWN_LINE, OWN).replace(".", ",")), "Line 2 of the positions file has 13 cells"),
     (
-        lambda: placed(lines(OWN_LINE, OWN).replace("391014.0", "391014.0.0")),
+        lambda: placed(lines(OWN_LINE, OWN).replace("391014.137", "391014.137.0")),
         "Line 3 of the positions file does not hold six numbers",
     ),
     (lambda: placed(lines(OWN_LINE, OWN), crs="EPSG:27700"), "which the project's crs EPSG:27700 is not for"),
     (lambda: placed(lines(OWN_LINE, OWN, degrees()), crs="EPSG:2100"), "lie outside of it|is not for"),
     (lambda: placed(lines("{name},{x},{y}", "photo,x,y")), "has no column z"),
+    (lambda: placed(b"PK\x03\x04 and so on"), r"is a spreadsheet \(.xlsx, .ods\).*CSV"),
+    (lambda: placed("$GPGGA,081520.40,4501.68,N,00736.98,E,1,12,0.8,301.5,M,47.0,M,,*5B\n"), "is a log of a receiver"),
+    (lambda: placed("<kml xmlns='x'/>"), "is a KML file"),
+    (lambda: placed(""), "The positions file is empty"),
+    (lambda: placed('[{"filename": "DJI_0001.JPG"}]'), r"it begins with '\[\{\"filename\": \"DJI_0001.JPG\"\}\]'"),
+    (lambda: placed(lines("{name}.JPG,{y},{x},{z},0.02,0.02,0.03", values=degrees())), "may be standard errors or angles"),
+    (lambda: placed(feet(lines("{name},{x},{y},{z}, ", "photo,lon,lat,z,note", degrees())), headers(gps=True)), "they are in feet"),
+    (
+        lambda: placed(lines(OWN_LINE, OWN, PLACES + np.array([50000, 0, 0])), headers(gps=True)),
+        "50 km from where their GPS tags say",
+    ),
+    (lambda: placed(lines("{name},{x:.2E},{y:.2E},{z}", "photo,x,y,z")), "Line 2 .* holds '3.91E.05', which a spreadsheet has cut"),
+    (lambda: placed(lines("{name},{x},{y},3500000", "photo,x,y,z")), "Line 2 of the positions file is wrong: z is 3.5e.06"),
     (lambda: placed(lines("{name}.JPG {x} {y}", UTM)), "gives no height for DJI_0001, .* and the GPS tags have none"),
     (lambda: placed(lines("{name}.JPG {x} {y} {z}", "EPSG:1")), "'EPSG:1' of the positions is not known to PROJ"),
     (lambda: placed(b"\x00" + lines(OWN_LINE, OWN).encode()), "holds NUL bytes"),

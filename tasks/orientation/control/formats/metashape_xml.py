@@ -8,7 +8,7 @@ Source: files of Metashape 1.5 to 2.1; Agisoft's manual, "Export markers".
 from typing import Any
 from xml.parsers import expat
 
-from orthomill.tasks.orientation.control.point_rows import Row, Rows, StatedControl
+from orthomill.tasks.orientation.control.control_rows import Row, Rows, StatedControl
 
 _DEEPEST = 64
 
@@ -90,7 +90,7 @@ def marker_rows(text: str, stated: StatedControl, mistakes: list[str]) -> tuple[
     points: list[Row] = []
     for number, (marker, name) in enumerate(found.labels.items(), 1):
         own = found.reference.get(marker)
-        if own and own.get("enabled", "1").lower() not in ("0", "false"):
+        if own:
             points.append((number, _point(name, own, stated)))
     named = {row["name"] for _, row in points}
     marks = []
@@ -110,7 +110,8 @@ def _point(name: str, own: dict[str, str], stated: StatedControl) -> dict[str, s
     plan, height = repr(stated.sigma_plan), repr(stated.sigma_height)
     return {
         "name": name,
-        "role": "check" if name in stated.check else "control",
+        # Metashape adjusts with enabled markers, and takes the others as check points.
+        "role": "check" if name in stated.check or own.get("enabled", "1").lower() in ("0", "false") else "control",
         "x": own["x"],
         "y": own.get("y", ""),
         "z": own.get("z", "nan"),

@@ -1,0 +1,61 @@
+"""What the GPS tags of the photographs say of the positions of a file: another unit, another surface, another site.
+
+Tags are metres off at best, and some say nonsense: only what no receiver explains is told, and only what ruins the block is
+refused.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.photo import Photo
+from orthomill.tasks.geometry.coordinate_ranges import in_feet
+
+_ENOUGH = 3
+_HIGH = 30.0
+"""m: above the sea, below which feet and metres are mistaken for each other by chance"""
+_BEYOND_GEOIDS = 120.0
+"""m: no geoid is so far from the ellipsoid"""
+_ELSEWHERE = 100.0
+"""m in plan: no receiver in flight is so wrong"""
+_OTHER_SITE = 20_000.0
+"""m: nor is a datum"""
+
+
+class OffTags(NamedTuple):
+    """By how much (m, medians) positions are off the tags in plan, and above them; None: what receivers and surfaces explain."""
+
+    plan: float | None = None
+    above: float | None = None
+
+
+NOTHING_TO_COMPARE = OffTags()
+
+
+def off_tags(xyz: np.ndarray, tagged: list[Photo], tags: np.ndarray, system: str) -> OffTags:
+    """How far positions (N, 3) are off the places (N, 2; NaN: none) of the tags of their photographs, in the project's system;
+    `system`: what the positions were read as. Raises WorkflowError for heights in feet and for positions of another site."""
+    heights = np.array([np.nan if photo.altitude is None else photo.altitude for photo in tagged])
+    known = np.isfinite(heights) & np.isfinite(xyz[:, 2])
+    placed = np.isfinite(tags).all(axis=1)
+    above = _above(xyz[known, 2], heights[known]) if known.sum() >= _ENOUGH else None
+    if placed.sum() < _ENOUGH:
+        return OffTags(None, above)
+    away = float(np.median(np.linalg.norm(xyz[placed, :2] - tags[placed], axis=1)))
+    if away > _OTHER_SITE:
+        raise WorkflowError(
+            f"The positions file, read as {system[:60]}, puts the photographs {away / 1000:.0f} km from where their GPS tags say "
+            "that they were taken: state what its coordinates are in (positions > crs), or give the file of this flight."
+        )
+    return OffTags(away if away > _ELSEWHERE else None, above)
+
+
+def _above(z: np.ndarray, heights: np.ndarray) -> float | None:
+    above, middle = float(np.median(z - heights)), float(np.median(heights))
+    if abs(middle) > _HIGH and abs(above) > _HIGH and in_feet(z, heights):
+        raise WorkflowError(
+            f"The heights of the positions file are 3.28 times those of the GPS tags ({np.median(z):.0f} for {middle:.0f} m): they "
+            "are in feet. Say so in the name of their column, as altitude (ft), or convert them."
+        )
+    return above if abs(above) > _BEYOND_GEOIDS else None
