@@ -1,29 +1,34 @@
 """What lies beside the photographs and belongs to them: control, positions, a calibrated camera.
 
 Looked for in the folder of the photographs and in the one above it, where surveyors put it. A file is recognised by what it holds,
-the GCP list by its usual name as well. One that looks like the positions of other photographs is not used, and named.
+the GCP list by its usual name as well. What is not used, and may have been meant, is named: files of other photographs, second
+ones, points without measurements, spreadsheets.
 """
 
 import json
 import os
-from collections.abc import Iterator
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pyproj import CRS
-from pyproj.exceptions import CRSError
 
+from orthomill.pipeline.workflow.lists_beside import ListText, choose_control, choose_positions
 from orthomill.schemas.errors import StoreError
+from orthomill.schemas.maps.system_names import known_crs
+from orthomill.schemas.survey_files.control_recognition import control_in
+from orthomill.schemas.survey_files.foreign_kinds import text_kind
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
-from orthomill.schemas.survey_files.recognition import FoundControl, FoundPositions, control_in, positions_in
-from orthomill.schemas.survey_files.sniffed_table import lines_of
+from orthomill.schemas.survey_files.recognition import positions_in
 from orthomill.schemas.survey_files.text_encoding import decoded
 
-GCP_LIST = "gcp_list.txt"
 CAMERA_KEYS = {"name", "width", "height", "c"}
 LARGEST = 20_000_000
 """bytes: what is larger is no camera and no list of positions"""
-_SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv"})
+_SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json"})
+_FOREIGN = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
+"""of files that may hold control or positions, which are told what they are"""
+_BY_NAME = re.compile(r"gcp|control[ _-]?point|ground[ _-]?control|passpunkt|geotag|geoloc|ppk", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class Beside:
     """Files found beside the photographs, relative to the project's root (None: none): the GCP list or other single file of
     control, or a file of points with its measurements; the `system` that the control names, that system where it is `projected` in
     metres, and whether PROJ does not know it; the positions, what they are and where (longitude, latitude); the camera file.
-    `unused`: sentences about files that look like positions and are not used."""
+    `unused`: sentences about files that look like positions or control and are not used."""
 
     gcp_list: str | None = None
     points: str | None = None
@@ -64,9 +69,11 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]], photograp
     outside = not folder.is_relative_to(root)
     places = [place for place in (folder, folder.parent) if outside or place.is_relative_to(root)]
     names = PhotographNames(photographs)
-    texts = [(_relative(path, root), path, text) for path in _files(places) for text in _text(path)]
-    control = _control(texts, names)
-    positions, unused = _positions(texts, names, {control.gcp_list, control.points, control.marks})
+    files = _files(places)
+    texts, unused = _read(files, root)
+    control, of_control = choose_control(texts, names)
+    positions, of_positions = choose_positions(texts, names, {control.gcp_list, control.points, control.marks})
+    unused += [*of_control, *of_positions, *_meant(texts, names)]
     crs = _crs(control.system) if control.system else None
     told = crs or (_crs(positions[1].system) if positions and positions[1].system else None)
     return Beside(
@@ -81,85 +88,61 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]], photograp
         positions[1].format if positions else "",
         positions[1].site if positions else None,
         _camera(places, root, sizes),
-        unused,
+        tuple(unused),
     )
 
 
-_Texts = list[tuple[str, Path, str]]
-
-
-def _files(places: list[Path]) -> Iterator[Path]:
-    """Files that may hold lists, by place and name."""
-    for place in places:
-        yield from sorted(path for path in place.glob("*") if path.suffix.lower() in _SUFFIXES)
+def _files(places: list[Path]) -> list[Path]:
+    """Files that may hold lists, by place and name; those that nobody can read as one, too."""
+    wanted = _SUFFIXES | _FOREIGN
+    return [path for place in places for path in sorted(place.glob("*")) if path.suffix.lower() in wanted and path.is_file()]
 
 
 def _relative(path: Path, root: Path) -> str:
     return Path(os.path.relpath(path, root)).as_posix()
 
 
-def _text(path: Path) -> Iterator[str]:
-    """The text of a file, if it is one and of a moderate size."""
-    try:
-        if path.is_file() and path.stat().st_size <= LARGEST:
-            yield decoded(path.read_bytes(), str(path))
-    except (OSError, StoreError):
-        return
+def _read(files: list[Path], root: Path) -> tuple[list[ListText], list[str]]:
+    """The texts of files of a moderate size, and sentences about those that are no lists."""
+    texts, unused = [], []
+    for file in files:
+        path = _relative(file, root)
+        try:
+            if file.stat().st_size > LARGEST:
+                continue
+            text = decoded(file.read_bytes(), path)
+        except StoreError as error:
+            # Logs of receivers (.dat) are binary, and nobody takes them for a list.
+            if file.suffix.lower() in _FOREIGN | {".txt", ".csv", ".tsv"}:
+                unused.append(f"Not used: {error}")
+            continue
+        except OSError:
+            continue
+        kind = text_kind(text)
+        if kind:
+            unused.append(f"Not used: {path} {kind}.")
+        elif file.suffix.lower() in _SUFFIXES:
+            texts.append(ListText(path, file.name, text))
+    return texts, unused
 
 
-@dataclass(frozen=True)
-class _Control:
-    """Paths of the control (None: none), its format and the system that it names."""
-
-    gcp_list: str | None = None
-    points: str | None = None
-    marks: str | None = None
-    format: str = ""
-    system: str | None = None
-
-
-def _control(texts: _Texts, names: PhotographNames) -> _Control:
-    """The single file of control, or the first list of points and the first measurements of any of them."""
-    for path, file, text in texts:
-        if file.name.lower() == GCP_LIST and len(text.splitlines()) > 1:
-            return _Control(path, format="GCP list of OpenDroneMap", system=_system_line(text))
-    found = [(path, one) for path, _, text in texts if (one := control_in(text, names)) is not None]
-    for path, one in found:
-        if one.holds == "all" and one.format.startswith("GCP list"):
-            return _Control(path, format=one.format, system=one.system)
-        if one.holds == "all":
-            return _Control(points=path, format=one.format)
-    return next(_pairs(found), _Control())
-
-
-def _pairs(found: list[tuple[str, FoundControl]]) -> Iterator[_Control]:
-    """Points and measurements that name the same points."""
-    for points, surveyed in found:
-        for marks, seen in found:
-            if surveyed.holds == "points" and seen.holds == "marks" and surveyed.names & seen.names:
-                yield _Control(None, points, marks, f"{surveyed.format}, {seen.format}", surveyed.system)
-
-
-def _positions(
-    texts: _Texts, names: PhotographNames, taken: set[str | None]
-) -> tuple[tuple[str, FoundPositions] | None, tuple[str, ...]]:
-    """The first file of positions of these photographs, and sentences about those of others."""
-    found = [(path, one) for path, _, text in texts if path not in taken and (one := positions_in(text, names)) is not None]
-    count = len(names.names)
-    fits = next(((path, one) for path, one in found if one.fits(count)), None)
-    unused = [
-        f"{path} holds positions ({one.format}), but {one.misfit(count)}: it is not used."
-        for path, one in found
-        if not one.fits(count)
+def _meant(texts: list[ListText], names: PhotographNames) -> list[str]:
+    """Sentences about files that are control or positions by their names only."""
+    return [
+        f"{one.path} is control or positions by its name, but follows no format that is known: it is not used."
+        for one in texts
+        if _BY_NAME.search(one.name) and not control_in(one.text, names) and not positions_in(one.text, names)
     ]
-    return fits, tuple(unused)
 
 
 def _camera(places: list[Path], root: Path, sizes: set[tuple[int, int]]) -> str | None:
     """The first camera file of one of the sizes."""
     for path in (path for place in places for path in sorted(place.glob("*.json"))):
-        if any(_is_camera(text, sizes) for text in _text(path)):
-            return _relative(path, root)
+        try:
+            if path.stat().st_size <= LARGEST and _is_camera(decoded(path.read_bytes(), str(path)), sizes):
+                return _relative(path, root)
+        except (OSError, StoreError):
+            continue
     return None
 
 
@@ -172,22 +155,9 @@ def _is_camera(text: str, sizes: set[tuple[int, int]]) -> bool:
     return isinstance(found, dict) and found.keys() >= CAMERA_KEYS and (found["width"], found["height"]) in sizes
 
 
-def _system_line(text: str) -> str:
-    """The first line that is no comment: the reference system of a GCP list."""
-    lines = lines_of(text, ("#",)).others
-    return lines[0][1].strip() if lines else ""
-
-
 def _crs(system: str) -> CRS | None:
-    """The system of a GCP list; None where it is unknown."""
-    words = system.upper().split()
-    # OpenDroneMap's own way to name a UTM zone, as "WGS84 UTM 16N".
-    if len(words) == 3 and words[:2] == ["WGS84", "UTM"]:
-        system = f"+proj=utm +zone={words[2][:-1]} +datum=WGS84{' +south' * (words[2][-1] == 'S')}"
-    try:
-        return CRS.from_user_input(system)
-    except CRSError:
-        return None
+    """The system of a list; None where it is unknown."""
+    return known_crs(system)
 
 
 def _projected(crs: CRS) -> str | None:

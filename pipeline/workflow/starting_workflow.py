@@ -171,7 +171,12 @@ def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
     elif survey.placeless:
         yield f"crs: {ANY_CRS}  # stands for a local system in metres: nothing tells where the photographs were taken"
     elif survey.beside.unknown_system:
-        yield f"crs:  # to be filled in, e.g. EPSG:32634: what {survey.beside.gcp_list} calls '{survey.beside.system}', or another"
+        named = (
+            f"what {survey.beside.gcp_list} calls '{survey.beside.system}', or another"
+            if survey.beside.system
+            else "that of the site"
+        )
+        yield f"crs:  # to be filled in, e.g. EPSG:32634: {named}"
     else:
         yield "crs:  # to be filled in, e.g. EPSG:32634: that of the positions or of the control"
 
@@ -217,10 +222,11 @@ def _control(survey: Survey) -> Iterator[str]:
     yield "# Ground control and check points: none, or files as below (docs/guide.md describes their columns)."
     yield "control:"
     if survey.beside.gcp_list:
-        yield f"  kind: gcp_list  # found beside the photographs; its system: {survey.beside.system}"
+        yield f"  kind: gcp_list  # found beside the photographs; its system: {survey.beside.system or 'not named'}"
         yield f"  path: {flow(survey.beside.gcp_list)}"
         if survey.beside.unknown_system:
-            yield f"  crs:  # to be filled in, e.g. EPSG:32634: '{survey.beside.system}' is not known to PROJ"
+            wrong = f"'{survey.beside.system}' is not known to PROJ" if survey.beside.system else "the list names none"
+            yield f"  crs:  # to be filled in, e.g. EPSG:32634: {wrong}"
         for name in ("sigma_plan", "sigma_height", "sigma_px"):
             setting = variants(Project.model_fields["control"].annotation)["gcp_list"].model_fields[name]
             yield f"  # {name}: {flow(setting.default)}  # {sentence(setting)} [{unit(setting)}]"
@@ -266,7 +272,8 @@ def _notes(survey: Survey, crs: str | None) -> Iterator[str]:
             yield f"{path} lies beside the photographs and is used for the {use}{f' ({form})' * bool(form)}."
     yield from beside.unused
     if beside.unknown_system:
-        yield f"Fill in 'control > crs': PROJ does not know the system '{beside.system}' that {beside.gcp_list} names."
+        wrong = f"PROJ does not know the system '{beside.system}' that {beside.gcp_list} names"
+        yield f"Fill in 'control > crs': {wrong if beside.system else f'{beside.gcp_list} names no reference system'}."
     if not (crs or survey.utm or beside.projected) and not survey.placeless:
         yield "Fill in 'crs': neither the photographs nor the files beside them tell it."
     if not survey.focal_lengths and not beside.camera:

@@ -1,4 +1,4 @@
-"""Which files hold positions of photographs or control, by their first lines: what lies beside photographs is used or named.
+"""Which files hold positions of photographs, by their first lines: what lies beside photographs is used or named.
 
 Only the head of a file decides here; its reader judges every line. Formats are described where they are read.
 """
@@ -7,15 +7,16 @@ import math
 import re
 from dataclasses import dataclass
 
-from orthomill.schemas.maps.system_names import known_crs
-from orthomill.schemas.survey_files.column_words import columns
+from orthomill.schemas.maps.system_names import code_in, known_crs
 from orthomill.schemas.survey_files.photograph_names import EXTENSIONS, PhotographNames, is_image_word
-from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
+from orthomill.schemas.survey_files.sniffed_table import Lines, Separation, lines_of, separation
+from orthomill.schemas.survey_files.table_heads import possible_heads
 
 NAMED_IMAGE = re.compile(rf"^\s*(.*?\.(?:{'|'.join(sorted(EXTENSIONS))}))(?=[\s,;]|$)[\s,;]*(.*)$", re.IGNORECASE)
 """the name of an image file, which may hold blanks, and what follows it"""
+SOLUTION_LINE = re.compile(r"^\s*\d{4}[/-]\d\d[/-]\d\d[\s,;]+\d\d:\d\d:\d\d(\.\d+)?([\s,;]+[-+]?\d+(\.\d*)?){5}")
+"""an epoch of RTKLIB: day, time, and five numbers or more"""
 _MARK = re.compile(r"([-+]?\d+\.\d+)\s*,\s*Lat\s+([-+]?\d+\.\d+)\s*,\s*Lon\s+[-+]?[\d.]+\s*,\s*Ellh")
-_CODE = re.compile(r"EPSG:{1,2}(\d{4,6})", re.IGNORECASE)
 _SYSTEMS = ("EPSG:", "+PROJ", "WGS84", "WGS 84", "PROJCS[", "PROJCRS[", "GEOGCS[", "COMPD_CS[", "ETRS89", "NAD83")
 _LEAST_NAMED = 0.5
 """of the photographs that a file must name to be theirs"""
@@ -45,17 +46,6 @@ class FoundPositions:
         return f"names {self.named} of the {photographs} photographs"
 
 
-@dataclass(frozen=True)
-class FoundControl:
-    """A file of control: its format, what it holds, the points that it names, and the reference system that it states."""
-
-    format: str
-    holds: str
-    """all, points or marks"""
-    names: frozenset[str] = frozenset()
-    system: str | None = None
-
-
 def looks_like_system(line: str) -> bool:
     """Whether a line can be the name of a reference system: EPSG:4326, WGS84 UTM 16N, a PROJ string, WKT."""
     own = line.strip().upper()
@@ -71,21 +61,41 @@ def positions_in(text: str, names: PhotographNames) -> FoundPositions | None:
     if mark := _MARK.search(data[0]):
         return FoundPositions("DJI time marks (.MRK)", len(data), None, "EPSG:4979", (float(mark[2]), float(mark[1])))
     comments = " ".join(line for _, line in lines.comments)
-    if "%" in comments and ("latitude(deg)" in comments.lower() or "x-ecef" in comments.lower()):
+    if SOLUTION_LINE.match(data[0]) or ("%" in comments and ("latitude(" in comments.lower() or "x-ecef" in comments.lower())):
         return FoundPositions("RTKLIB or Emlid solution (.pos)", len(data), None, "EPSG:4979", _site(data[0].split()[2:4], True))
-    first = NAMED_IMAGE.match(data[1]) if len(data) > 1 and looks_like_system(data[0]) else None
-    if first and _numeric(tuple(first[2].split()[:2]), separation([first[2]])):
-        found = [match[1] for line in data[1:] if (match := NAMED_IMAGE.match(line))]
-        site = _site(first[2].split()[:2], False) if "4326" in data[0] else None
-        return FoundPositions("geo.txt of OpenDroneMap", len(found), _count(found, names), data[0].strip(), site)
-    return _table_of_positions([line for _, line in lines.comments], data, names)
+    if len(data) > 1 and looks_like_system(data[0]) and (found := _geo_file(data, names)):
+        return found
+    return _table_of_positions(lines, data, names)
 
 
-def _table_of_positions(comments: list[str], data: list[str], names: PhotographNames) -> FoundPositions | None:
-    for head, body in [(data[0], data[1:]), *((line.lstrip("# "), data) for line in reversed(comments))]:
-        sign = separation(body or [head])
-        spec = columns(sign.cells(head))
-        has = [column.meaning for column in spec]
+def _geo_file(data: list[str], names: PhotographNames) -> FoundPositions | None:
+    """OpenDroneMap's geo.txt: photographs and two coordinates or more below a reference system."""
+    found = [parts for line in data[1:] if (parts := of_geo_line(line))]
+    if not found:
+        return None
+    sign = separation([rest for _, rest in found])
+    if not are_numbers(sign.cells(found[0][1])[:2], sign):
+        return None
+    words = [name for name, _ in found]
+    if not any(is_image_word(word) or names.find(word) for word in words):
+        return None
+    known = known_crs(data[0])
+    site = _site(list(sign.cells(found[0][1])[:2]), False, sign) if known is not None and known.is_geographic else None
+    return FoundPositions("geo.txt of OpenDroneMap", len(found), count_named(words, names), data[0].strip(), site)
+
+
+def of_geo_line(line: str) -> tuple[str, str] | None:
+    """The name of the photograph of a line, which may hold blanks if it ends as that of an image, and what follows it."""
+    if match := NAMED_IMAGE.match(line):
+        return match[1], match[2]
+    parts = re.split(r"[\s,;]+", line.strip(), maxsplit=1)
+    return (parts[0], parts[1]) if len(parts) == 2 else None
+
+
+def _table_of_positions(lines: Lines, data: list[str], names: PhotographNames) -> FoundPositions | None:
+    for head in possible_heads(lines):
+        sign, body = head.separation, [line for _, line in head.data]
+        has = [column.meaning for column in head.columns]
         place = ("lon", "lat") if "lon" in has else ("x", "y")
         heights = {"z", "z_ellipsoidal", "z_sea"}.intersection(has)
         # With angles and without standard errors it is an exterior orientation of another program.
@@ -99,7 +109,7 @@ def _table_of_positions(comments: list[str], data: list[str], names: PhotographN
         if "photo" in has or any(names.find(word) or is_image_word(word) for word in words):
             x, y = has.index(place[0]), has.index(place[1])
             site = _site([rows[0][x], rows[0][y]], False, sign) if place[0] == "lon" and rows and len(rows[0]) > max(x, y) else None
-            return FoundPositions("table with named columns", len(words), _count(words, names), _stated(comments), site)
+            return FoundPositions("table with named columns", len(words), count_named(words, names), stated_in(lines), site)
     return _headless_positions(data, names)
 
 
@@ -107,85 +117,35 @@ def _headless_positions(data: list[str], names: PhotographNames) -> FoundPositio
     """The lines of Pix4D without names of columns: photograph, two coordinates, height, perhaps more numbers."""
     sign = separation(data)
     rows = [sign.cells(line) for line in data]
-    if not all(len(row) in (4, 5, 6, 7, 9, 10) and is_image_word(row[0]) and _numeric(row[1:4], sign) for row in rows[:20]):
+    if not all(
+        len(row) in (4, 5, 6, 7, 9, 10) and (is_image_word(row[0]) or names.find(row[0])) and are_numbers(row[1:4], sign)
+        for row in rows[:20]
+    ):
         return None
     words = [row[0] for row in rows if row]
-    return FoundPositions("Pix4D geolocation", len(words), _count(words, names), None, _site(list(rows[0][1:3]), True, sign))
+    return FoundPositions("Pix4D geolocation", len(words), count_named(words, names), None, _site(list(rows[0][1:3]), True, sign))
 
 
-def _numeric(cells: tuple[str, ...], sign: Separation) -> bool:
-    values = [sign.number(cell) for cell in cells]
+def are_numbers(cells: tuple[str, ...], sign: Separation) -> bool:
+    """Whether all cells are numbers that are known."""
+    values = [sign.coordinate(cell) for cell in cells]
     return bool(values) and all(value is not None and not math.isnan(value) for value in values)
 
 
 def _site(words: list[str], latitude_first: bool, sign: Separation | None = None) -> tuple[float, float] | None:
     """Longitude and latitude of two words; None where they are none."""
-    values = [(sign or Separation("", ".")).number(word) for word in words]
+    values = [(sign or Separation("", ".")).coordinate(word) for word in words]
     if len(values) < 2 or values[0] is None or values[1] is None:
         return None
     longitude, latitude = (values[1], values[0]) if latitude_first else (values[0], values[1])
     return (longitude, latitude) if abs(longitude) <= 180.0 and abs(latitude) <= 90.0 else None
 
 
-def _count(words: list[str], names: PhotographNames) -> int:
+def count_named(words: list[str], names: PhotographNames) -> int:
+    """How many of the project's photographs words mean."""
     return len({found for word in words if (found := names.find(word))})
 
 
-def _stated(comments: list[str]) -> str | None:
-    codes = [code for line in comments for code in _CODE.findall(line)]
-    return f"EPSG:{codes[-1]}" if codes else None
-
-
-def control_in(text: str, names: PhotographNames) -> FoundControl | None:
-    """What a text holds of control; None where it holds none."""
-    if text.lstrip().startswith("<"):
-        return FoundControl("Metashape markers (XML)", "all") if "<markers" in text else None
-    lines = lines_of(text)
-    data = [line for _, line in lines.others]
-    if len(data) < 2:
-        return None
-    if looks_like_system(data[0]) and _is_measurement(data[1:]):
-        return FoundControl("GCP list of OpenDroneMap", "all", system=data[0].strip())
-    comments = [line for _, line in lines.comments]
-    for head, body in [(data[0], data[1:]), *((line.lstrip("# "), data) for line in reversed(comments))]:
-        sign = separation(body or [head])
-        has = [column.meaning for column in columns(sign.cells(head))]
-        if "name" not in has or len(has) < 3:
-            continue
-        own = frozenset(row[has.index("name")] for line in body if len(row := sign.cells(line)) > has.index("name"))
-        if {"photo", "col", "row"} <= set(has):
-            return FoundControl("control measurements", "marks", own)
-        if (
-            "photo" not in has
-            and ({"x", "y"} <= set(has) or {"lon", "lat"} <= set(has))
-            and not any(names.find(one) or is_image_word(one) for one in own)
-        ):
-            return FoundControl("control points", "points", own, _stated(comments))
-    return _headless_control(data, names)
-
-
-def _is_measurement(data: list[str]) -> bool:
-    """Whether the first line holds five numbers (or four, or NaN) and the name of an image."""
-    sign = separation(data)
-    cells = sign.cells(data[0])
-    values = [sign.number(cell) for cell in cells[:5]]
-    return len(cells) > 5 and bool(values[0]) and sum(value is not None for value in values) >= 4
-
-
-def _headless_control(data: list[str], names: PhotographNames) -> FoundControl | None:
-    sign = separation(data)
-    rows = [sign.cells(line) for line in data]
-    if all(len(row) in (4, 5) and is_image_word(row[0]) and _numeric(row[2:4], sign) for row in rows):
-        # With four cells it may as well be a list of positions, whose second cell is a number.
-        return (
-            None
-            if all(_numeric(row[1:2], sign) and len(row) == 4 for row in rows)
-            else FoundControl("marks of Pix4D", "marks", frozenset(row[1] for row in rows))
-        )
-    if all(4 <= len(row) <= 7 and row[0] and not names.find(row[0]) and _numeric(row[1:4], sign) for row in rows):
-        return (
-            None
-            if any(is_image_word(row[0]) for row in rows)
-            else FoundControl("list of points", "points", frozenset(row[0] for row in rows))
-        )
-    return None
+def stated_in(lines: Lines) -> str | None:
+    """The reference system that comments name."""
+    return code_in(" ".join(line for _, line in lines.comments))

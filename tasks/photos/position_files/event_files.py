@@ -12,6 +12,7 @@ from itertools import takewhile
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import HeightKind
+from orthomill.schemas.survey_files.recognition import SOLUTION_LINE
 from orthomill.schemas.survey_files.sniffed_table import lines_of
 from orthomill.tasks.photos.position_files.listed_positions import ListedPosition, PositionList, Triple, fix_of
 
@@ -21,7 +22,6 @@ _MRK = re.compile(
     rf"^\s*(\d+)\s+{_NUMBER}\s+\[\s*(\d+)\s*\].*?{_NUMBER}\s*,\s*Lat\s+{_NUMBER}\s*,\s*Lon\s+{_NUMBER}\s*,\s*Ellh"
     rf"(?:\s+{_NUMBER}\s*,\s*{_NUMBER}\s*,\s*{_NUMBER})?(?:\s+(\d+)\s*,\s*Q)?"
 )
-_SOLUTION = re.compile(rf"^\s*\d{{4}}[/-]\d\d[/-]\d\d[\s,;]+\d\d:\d\d:\d\d(\.\d+)?([\s,;]+{_NUMBER}){{5}}")
 _WEEK = 604_800.0
 _TRAJECTORY = 3
 """times as many lines as photographs, from which on a file is the path of the antenna and not its events"""
@@ -55,7 +55,7 @@ def is_pos(text: str) -> bool:
     comments = " ".join(line for _, line in lines.comments if line.lstrip().startswith("%")).lower()
     named = "latitude" in comments or "x-ecef" in comments or "e-baseline" in comments
     # Some programs leave the comments out: a time, six numbers and more.
-    return named or bool(lines.others and _SOLUTION.match(lines.others[0][1]))
+    return named or bool(lines.others and SOLUTION_LINE.match(lines.others[0][1]))
 
 
 def read_pos(text: str) -> PositionList:

@@ -8,7 +8,7 @@ import math
 import re
 
 from orthomill.schemas.survey_files.photograph_names import is_image_word
-from orthomill.schemas.survey_files.recognition import NAMED_IMAGE, looks_like_system
+from orthomill.schemas.survey_files.recognition import looks_like_system, of_geo_line
 from orthomill.schemas.survey_files.sniffed_table import Separation, lines_of, separation
 from orthomill.schemas.survey_files.written_steps import ENOUGH_HEIGHTS, ENOUGH_IN_PLAN, written_step
 from orthomill.tasks.geometry.coordinate_ranges import coordinate_mistake, sigma_mistake
@@ -20,25 +20,17 @@ def is_geo_file(text: str) -> bool:
     lines = [line for _, line in lines_of(text, ("#",)).others]
     if len(lines) < 2 or is_image_word(re.split(r"[\s,;]", lines[0].strip())[0]) or not looks_like_system(lines[0]):
         return False
-    match = _of_line(lines[1])
+    match = of_geo_line(lines[1])
     if match is None:
         return False
     sign = separation([match[1]])
     return all(sign.coordinate(cell) is not None for cell in sign.cells(match[1])[:2])
 
 
-def _of_line(line: str) -> tuple[str, str] | None:
-    """The name of the photograph of a line, which may hold blanks if it ends as that of an image, and what follows it."""
-    if match := NAMED_IMAGE.match(line):
-        return match[1], match[2]
-    parts = re.split(r"[\s,;]+", line.strip(), maxsplit=1)
-    return (parts[0], parts[1]) if len(parts) == 2 else None
-
-
 def read_geo_file(text: str) -> PositionList:
     """The positions of a geo.txt, in the system of its first line."""
     lines = lines_of(text, ("#",)).others
-    matches = [(number, line, _of_line(line)) for number, line in lines[1:]]
+    matches = [(number, line, of_geo_line(line)) for number, line in lines[1:]]
     sign = separation([match[1] for _, _, match in matches if match])
     found, mistakes = [], []
     for number, line, match in matches:

@@ -1,6 +1,7 @@
 """`orthomill init` uses what lies beside the photographs, and says so."""
 
 import json
+import re
 
 import pytest
 from front_door import CATALOGUE, photograph
@@ -60,6 +61,13 @@ def test_a_system_that_proj_does_not_know_is_asked_for(root):
     assert "Fill in 'control > crs': PROJ does not know the system 'PUWG1992' that site/gcp_list.txt names." in start.notes
 
 
+def test_a_list_without_a_system_asks_for_it(root):
+    (root / "site" / "gcp_list.txt").write_text(LINE + LINE.replace("a.jpg", "b.jpg"))
+    start = write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE)
+    assert "\n  crs:  # to be filled in, e.g. EPSG:32634: the list names none" in start.path.read_text()
+    assert "Fill in 'control > crs': site/gcp_list.txt names no reference system." in start.notes
+
+
 def test_positions_and_a_calibration_are_used(root):
     (root / "site" / "rtk.csv").write_text(POSITIONS)
     (root / "site" / "photos" / "camera.json").write_text(json.dumps(CAMERA))
@@ -85,7 +93,8 @@ def test_other_files_are_no_finds(root):
     (folder / "other.json").write_text(json.dumps(CAMERA | {"width": 4000}))
     (folder / "latin.csv").write_bytes(b"photo,x\xff")
     found = look_beside(folder, root, {(64, 48)})
-    assert found == type(found)()
+    said = "site/photos/gcp_list.txt is control or positions by its name, but follows no format that is known: it is not used."
+    assert found == type(found)(unused=(said,))
 
 
 def test_nothing_outside_of_the_project_is_used(root):
@@ -169,3 +178,75 @@ def test_a_web_map_is_refused_where_photographs_have_places(root):
     photograph(root / "site" / "photos" / "c.jpg", "Canon A3300", focal=5.0, gps=(-91.99, 46.84))
     with pytest.raises(WorkflowError, match=r"1\.46\d times as large as the ground.*EPSG:32615"):
         write_starting_workflow("site", root / "site" / "photos", root, CATALOGUE, "EPSG:3857")
+
+
+GCP = f"EPSG:2180\n{LINE}{LINE.replace('a.jpg', 'b.jpg')}"
+SURVEYED = "name,x,y,z\nP1,340607.7,548220.8,70.8\nP2,340617.7,548220.8,70.8\n"
+MARKED = "name,photo,col,row,sigma\nP1,a,2,3,1\nP2,b,4,3,1\n"
+NAMED = "photo,lon,lat,z\na,17.1,52.8,170\nb,17.2,52.8,170\n"
+TIMES = "".join(f"2023/05/17 08:15:0{n}.0 52.8 17.1 170.0 1 12 0.01 0.01 0.02\n" for n in (1, 2))
+
+
+@pytest.mark.parametrize(
+    ("files", "used", "said"),
+    [
+        ({"gcp_list.txt": GCP.replace("a.jpg", "x.jpg").replace("b.jpg", "y.jpg")}, None, "names none of these photographs"),
+        (
+            {"gcp_list.txt": GCP, "old.txt": GCP},
+            "site/gcp_list.txt",
+            "site/old.txt holds control .*, but site/gcp_list.txt is used",
+        ),
+        ({"survey.csv": SURVEYED}, None, r"holds 2 points \(control points\), but no file says where they are in the photographs"),
+        ({"clicked.csv": MARKED}, None, "no file holds the coordinates of its points"),
+        ({"survey.csv": SURVEYED, "clicked.csv": MARKED.replace("P", "p")}, "site/survey.csv", ""),
+        ({"gcp.csv": "these are\nnotes of May\n"}, None, "gcp.csv is control or positions by its name, but follows no format"),
+        ({"gcps.xlsx": b"PK\x03\x04"}, None, r"Not used: site/gcps.xlsx is a spreadsheet .*CSV"),
+        ({"gcps.csv": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"}, None, "Not used: site/gcps.csv is a spreadsheet of Excel 97"),
+        ({"site.kml": "<kml xmlns='x'/>"}, None, "Not used: site/site.kml is a KML file"),
+        ({"points.geojson": '{"type": "FeatureCollection"}'}, None, "Not used: site/points.geojson is a GeoJSON file"),
+        ({"titled.txt": f"Survey of May\n{GCP}"}, "site/titled.txt", ""),
+        ({"named.txt": GCP.replace("340607.768", "P1 340607.768")}, "site/named.txt", ""),
+        (
+            {"targets.gsi": "*110001+00000000000000P1 81..00+0000000340607768 82..00+0000000548220879\n"},
+            None,
+            "1 points .Leica GSI.",
+        ),
+        ({"p.xml": "<?xml?><LandXML><CgPoints><CgPoint name='P1'>1 2 3</CgPoint></CgPoints></LandXML>"}, None, "points .LandXML."),
+        (
+            {"ground_control_points.json": '{"points": [{"id": "P1", "observations": [{"shot_id": "a.jpg"}]}]}'},
+            "site/ground_control_points.json",
+            "",
+        ),
+        ({"xyz.txt": "".join(f"{n} {n}.5 2.5 3.5\n" for n in range(1000))}, None, ""),
+    ],
+)
+def test_control_is_used_or_named(root, files, used, said):
+    for name, content in files.items():
+        (root / "site" / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    beside = found(root)
+    assert beside.control == used
+    assert re.search(said, " ".join(beside.unused)) if said else beside.unused == (), beside.unused
+
+
+@pytest.mark.parametrize(
+    ("files", "used", "said"),
+    [
+        (
+            {"a.csv": NAMED.rpartition("b,")[0], "b.csv": NAMED},
+            "site/b.csv",
+            "a.csv holds positions as well .*, but site/b.csv is used",
+        ),
+        ({"a_events.pos": TIMES, "named.csv": NAMED}, "site/named.csv", "a_events.pos holds positions as well"),
+        ({"a_events.pos": TIMES}, "site/a_events.pos", ""),
+        ({"track.pos": TIMES * 20}, None, "track.pos holds positions .*, but has 40 exposures without names for 2 photographs"),
+        ({"geo.txt": "WGS84 UTM 34N\na 340607.7 548220.8 70.8\nb 340617.7 548220.8 70.8\n"}, "site/geo.txt", ""),
+        ({"titled.csv": f"Flight 3\n{NAMED}"}, "site/titled.csv", ""),
+        ({"plain.csv": "a,52.8,17.1,170\nb,52.8,17.2,170\n"}, "site/plain.csv", ""),
+    ],
+)
+def test_positions_are_used_or_named(root, files, used, said):
+    for name, content in files.items():
+        (root / "site" / name).write_text(content)
+    beside = found(root)
+    assert beside.positions == used
+    assert re.search(said, " ".join(beside.unused)) if said else beside.unused == (), beside.unused
