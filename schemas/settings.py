@@ -4,16 +4,57 @@ Error messages, the settings reference and the commented starting workflow are g
 described twice.
 """
 
-from typing import Any
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, model_validator
+
+
+@dataclass(frozen=True)
+class RenamedSetting:
+    """A setting that was given under its former name in the mapping `given`."""
+
+    former: str
+    present: str
+    given: dict[str, Any]
+
+    @property
+    def sentence(self) -> str:
+        """What the user is to do."""
+        return f"is called '{self.present}' now; the old name works in this version, and is refused in the next."
+
+
+class RenamedSettings(list[RenamedSetting]):
+    """Pass one as `context` of a validation to learn which settings were given under former names; otherwise Python warns."""
 
 
 class Settings(BaseModel):
-    """Base of everything that a workflow file can contain: frozen, and closed against unknown names."""
+    """Base of everything that a workflow file can contain: frozen, and closed against unknown names.
+
+    `renamed`: present names of settings by those that they had in the version before, which are taken and reported.
+    """
+
+    renamed: ClassVar[Mapping[str, str]] = {}
 
     # NaN passes every comparison with a bound; a setting that is not a number must fail here and not in a kernel.
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_former_names(cls, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, dict) or cls.renamed.keys().isdisjoint(given):
+            return given
+        for former in [name for name in given if name in cls.renamed]:
+            found = RenamedSetting(former, cls.renamed[former], given)
+            if found.present in given:
+                raise ValueError(f"'{former}' is called '{found.present}' now, and both are set; remove '{former}'.")
+            if isinstance(info.context, RenamedSettings):
+                info.context.append(found)
+            else:
+                warnings.warn(f"{cls.__name__}: {former} {found.sentence}", FutureWarning, stacklevel=2)
+        return {cls.renamed.get(name, name): value for name, value in given.items()}
 
 
 def setting(default: Any = ..., sentence: str = "", unit: str = "", **bounds: Any) -> Any:

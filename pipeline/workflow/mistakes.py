@@ -27,6 +27,7 @@ from orthomill.pipeline.workflow.field_words import (
 )
 from orthomill.pipeline.workflow.yaml_lines import Document, Path_
 from orthomill.schemas.errors import WorkflowError, first_of
+from orthomill.schemas.settings import RenamedSettings
 
 _BOUNDS = {
     "greater_than": ("gt", "greater than"),
@@ -104,6 +105,19 @@ def _line(file: str, mistake: Mistake) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
+def renamed_sentences(renamed: RenamedSettings, mistakes: Mistakes) -> tuple[str, ...]:
+    """What to change in a file whose settings have former names, each with its place."""
+    document = mistakes.document
+    found = {}
+    for setting in renamed:
+        path = next(
+            (path for path in document.lines if path[-1:] == (setting.former,) and document.at(path[:-1]) is setting.given), ()
+        )
+        place = place_words(path, document) or setting.former
+        found[path or setting.former] = _line(mistakes.file, Mistake(document.line(path), place, setting.sentence))
+    return tuple(found.values())
+
+
 def place_words(path: Path_, document: Document) -> str:
     """ "stages > densification > window > max_axis_ratio": stages by their kind, other list entries by their number from 1."""
     words = []
@@ -170,7 +184,7 @@ def _sentence(detail: Any, place: Place, document: Document, base: Path_, annota
     # A list that is too short is reported as a missing entry; for the user the list itself is wrong.
     if kind == "missing" and place.path and isinstance(place.path[-1], int):
         path, kind = path[:-1], "wrong length"
-    value = _value(document, path)
+    value = _value(document, path, detail["input"])
     if kind == "extra_forbidden":
         return _unknown(place, path, document), path
     if kind == "missing":
@@ -183,11 +197,11 @@ def _sentence(detail: Any, place: Place, document: Document, base: Path_, annota
     return f"is {found_words(value, unit(place.field))}; {_needed(detail, place, value)}", path
 
 
-def _value(document: Document, path: Path_) -> Any:
+def _value(document: Document, path: Path_, judged: Any) -> Any:
     try:
         return document.at(path)
-    except LookupError:
-        return None
+    except LookupError:  # a setting below one that has its former name in the file; or one that is missing
+        return judged
 
 
 def _unknown(place: Place, path: Path_, document: Document) -> str:

@@ -17,7 +17,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from orthomill.pipeline.storage.image_files import shown
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.storage.table_files import write_whole
-from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, stage_kind
+from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, renamed_sentences, stage_kind
 from orthomill.pipeline.workflow.workflow_checks import (
     Kinds,
     check_crs,
@@ -31,6 +31,7 @@ from orthomill.pipeline.workflow.workflow_text import workflow_text
 from orthomill.pipeline.workflow.yaml_lines import SIZE_LIMIT, Document, YamlError, read_yaml
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.project import Project
+from orthomill.schemas.settings import RenamedSettings
 from orthomill.schemas.stage_contract import Stage
 
 __all__ = ["LoadedWorkflow", "image_files", "load_workflow", "project_root", "resolve_workflow", "write_workflow"]
@@ -49,6 +50,8 @@ class LoadedWorkflow:
     path: Path
     root: Path
     text: str
+    notes: tuple[str, ...] = ()
+    """what is to be changed in the file although it works: one sentence each, with its place"""
 
     @property
     def run_folder(self) -> Path:
@@ -106,18 +109,18 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
         document = read_yaml(text)
     except YamlError as error:
         raise WorkflowError(f"{_name(path, root)}:{error.line}: {error.sentence}.") from None
-    mistakes = Mistakes(_name(path, root), document)
+    mistakes, renamed = Mistakes(_name(path, root), document), RenamedSettings()
     for place, line, first in document.repeated:
         mistakes.add(place, f"is already set in line {first}; set it once.", line)
-    project = _project(document, mistakes, root)
+    project = _project(document, mistakes, root, renamed)
     kinds = _kinds(document, catalogue)
-    stages = _stages(document, catalogue, mistakes, root)
+    stages = _stages(document, catalogue, mistakes, root, renamed)
     check_stages(kinds, catalogue, mistakes)
     check_simulation(project, kinds, catalogue, mistakes)
     check_registration(project, kinds, mistakes)
     # Raised only here, after all checks: a user who corrects one mistake at a time runs the command as often.
     mistakes.raise_if_any()
-    return LoadedWorkflow(project, stages, Path(path), root, text)
+    return LoadedWorkflow(project, stages, Path(path), root, text, renamed_sentences(renamed, mistakes))
 
 
 def _name(path: Path, root: Path) -> str:
@@ -135,14 +138,14 @@ def _read_text(path: Path) -> str:
         raise WorkflowError(f"The workflow {shown(path)} cannot be read ({error.strerror}).") from error
 
 
-def _project(document: Document, mistakes: Mistakes, root: Path) -> Project:
+def _project(document: Document, mistakes: Mistakes, root: Path, renamed: RenamedSettings) -> Project:
     if not isinstance(document.value, dict):
         names = ", ".join(Project.model_fields)
         mistakes.add((), f"a workflow is a mapping with the settings {names} and stages, but this file is not a mapping.")
         mistakes.raise_if_any()
     given = {name: value for name, value in document.value.items() if name != "stages"}
     try:
-        project, wrong = Project.model_validate(given), frozenset[str]()
+        project, wrong = Project.model_validate(given, context=renamed), frozenset[str]()
     except ValidationError as error:
         mistakes.add_all(error, Project, ())
         wrong = frozenset(str(detail["loc"][0]) for detail in error.errors())
@@ -159,7 +162,9 @@ def _check_project(project: Project, wrong: frozenset[str], root: Path, mistakes
             check_files(getattr(project, name), (name,), root, mistakes)
 
 
-def _stages(document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mistakes, root: Path) -> tuple[Stage, ...]:
+def _stages(
+    document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mistakes, root: Path, renamed: RenamedSettings
+) -> tuple[Stage, ...]:
     items = document.value.get("stages")
     names = ", ".join(kind_of(stage) for stage in catalogue)
     if not isinstance(items, list) or not items:
@@ -171,7 +176,7 @@ def _stages(document: Document, catalogue: tuple[type[Stage], ...], mistakes: Mi
         )
         return ()
     union = stage_union(catalogue)
-    stages = [_stage(index, item, union, mistakes, root) for index, item in enumerate(items)]
+    stages = [_stage(index, item, union, mistakes, root, renamed) for index, item in enumerate(items)]
     return tuple(stage for stage in stages if stage is not None)
 
 
@@ -190,9 +195,9 @@ def _kinds(document: Document, catalogue: tuple[type[Stage], ...]) -> Kinds:
     return Kinds(tuple((index, kind) for index, kind in claims if kind in known))
 
 
-def _stage(index: int, item: Any, union: Any, mistakes: Mistakes, root: Path) -> Stage | None:
+def _stage(index: int, item: Any, union: Any, mistakes: Mistakes, root: Path, renamed: RenamedSettings) -> Stage | None:
     try:
-        stage: Stage = TypeAdapter(union).validate_python({"kind": item} if isinstance(item, str) else item)
+        stage: Stage = TypeAdapter(union).validate_python({"kind": item} if isinstance(item, str) else item, context=renamed)
     except ValidationError as error:
         mistakes.add_all(error, union, ("stages", index))
         return None

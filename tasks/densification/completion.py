@@ -7,8 +7,8 @@ import numpy as np
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence
 from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
-from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
 class Completion(Settings):
@@ -23,47 +23,47 @@ _COMPANY = 50
 
 class VolumeWindow(NamedTuple):
     """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
-    place; judgement (rows, cols, 4) uint8; worth (rows, cols) uint8 codes of Worth."""
+    place; judgement (rows, cols, 4) uint8; confidence (rows, cols) uint8 codes of Confidence."""
 
     height: np.ndarray
     judgement: np.ndarray
-    worth: np.ndarray
+    confidence: np.ndarray
 
-    def sure(self, matched: np.ndarray) -> np.ndarray:
+    def confident(self, matched: np.ndarray) -> np.ndarray:
         """(rows, cols) bool: measured; matched (rows, cols) bool: where a pair has a height near it."""
-        return (self.worth == Worth.SURE) | ((self.worth == Worth.BLURRED) & matched)
+        return (self.confidence == Confidence.HIGH) | ((self.confidence == Confidence.BLURRED) & matched)
 
     @property
     def stray(self) -> np.ndarray:
         """(rows, cols) bool: estimates with which most of the cells around do not go along."""
-        return (self.worth == Worth.UNSURE) & (self.judgement[..., Judgement.COHERENCE] < _COMPANY)
+        return (self.confidence == Confidence.LOW) & (self.judgement[..., Judgement.COHERENCE] < _COMPANY)
 
     @property
     def size(self) -> np.ndarray:
         """(rows, cols) float32: cells along the side of what a height stands for; where bases are narrow, steps that are as one."""
         stretch = np.maximum(self.judgement[..., Judgement.STRETCH] * np.float32(1.0 / STRETCH_UNIT), np.float32(1.0))
-        return np.where(self.worth == Worth.CALMED, np.float32(SQUARE), stretch)
+        return np.where(self.confidence == Confidence.CALMED, np.float32(SQUARE), stretch)
 
     @property
-    def standing(self) -> np.ndarray:
+    def distinctiveness(self) -> np.ndarray:
         """(rows, cols) float32: how clearly a height beats its rivals, share of what is usual around."""
-        return self.judgement[..., Judgement.STANDING] * np.float32(0.01)
+        return self.judgement[..., Judgement.DISTINCTIVENESS] * np.float32(0.01)
 
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> "VolumeWindow":
         """No height anywhere."""
         nothing = np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Judgement)), np.uint8)
-        return cls(*nothing, np.full(shape, Worth.UNSURE, np.uint8))
+        return cls(*nothing, np.full(shape, Confidence.LOW, np.uint8))
 
 
 def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
     """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled.
 
-    Where the volume is not sure, what pairs found near it is an estimate as well: they started from there.
+    Where the volume is not confident, what pairs found near it is an estimate as well: they started from there.
     """
     matched = np.isfinite(cells.height)
     added = ~matched & np.isfinite(volume.height)
-    unsure = np.isfinite(volume.height) & ~volume.sure(matched)
+    unsure = np.isfinite(volume.height) & ~volume.confident(matched)
     code = np.where(added, np.uint8(Provenance.VOLUME), cells.provenance)
     return FusedCells(
         np.where(added, volume.height, cells.height),

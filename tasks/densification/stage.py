@@ -43,10 +43,10 @@ from orthomill.tasks.densification.strategies.strategy_block import make_pair_su
 from orthomill.tasks.densification.strategies.strategy_plan import strategy_plan
 from orthomill.tasks.densification.surface_grid import surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
+from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
 from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, TiePointGuide
 from orthomill.tasks.densification.volume.levels import VolumeScene
-from orthomill.tasks.densification.volume.sureness import Sureness
-from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT, JUDGEMENT, WORTH, volume_plan
+from orthomill.tasks.densification.volume.volume_plan import CONFIDENCE, JUDGED_HEIGHT, JUDGEMENT, volume_plan
 from orthomill.tasks.matching.dense.blocks import DenseMatching
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
 
@@ -55,9 +55,10 @@ class ObjectSpace(Settings):
     """Semi-global matching of all photographs together in a volume of heights, then least-squares matching of every pair near
     it."""
 
+    renamed: ClassVar = {"sure": "confidence"}  # 0.2
     kind: Literal["object_space"] = "object_space"
     volume: HeightVolume = setting(HeightVolume(), "The volume of heights over all photographs.")
-    sure: Sureness = setting(Sureness(), "When a height of the volume counts as measured.")
+    confidence: ConfidenceLimits = setting(ConfidenceLimits(), "When a height of the volume counts as measured.")
     pairs: DenseMatching = setting(DenseMatching(), "Dense matching of a pair.")
     guide: Guide = setting(TiePointGuide(), "What bounds the heights that are looked for; with tie points, the range of the block.")
     reach: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(
@@ -125,10 +126,10 @@ class DensificationStage(Stage):
         pairs = view.table(PAIRS).pairs
         reach = None if matching.reach == "auto" else float(matching.reach)
         scene = VolumeScene(view.table(BLOCK_TABLE), view.table(PHOTOS), surface, matching.volume, matching.guide, reach)
-        yield from volume_plan(scene, matching.sure, self.kind, view.table(BLOCK_TABLE).crs)
+        yield from volume_plan(scene, matching.confidence, self.kind, view.table(BLOCK_TABLE).crs)
         for pair in pairs:
             yield from pair_plan(pair, surface, matching.pairs, self.kind)
-        volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
+        volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
         source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, scene.levels[-1].step, matching.pairs.step)
         yield from self._tiles(view).jobs(source, pairs)
         yield self._report_of_pairs(pairs)

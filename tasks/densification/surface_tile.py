@@ -122,15 +122,15 @@ def make_surface(
     rules: SurfaceRules,
     height: np.ndarray,
     judgement: np.ndarray,
-    worth: np.ndarray,
+    confidence: np.ndarray,
     nodes: Iterator[np.ndarray],
 ) -> SurfaceCells:
     """The cells of a tile with their statistics.
 
-    height, judgement, worth: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per piece,
-    in their order.
+    height, judgement, confidence: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per
+    piece, in their order.
     """
-    grid, volume = tile.surface.grid, VolumeWindow(height, judgement, worth)
+    grid, volume = tile.surface.grid, VolumeWindow(height, judgement, confidence)
     cell = grid.cell
     # A calmed height is one of a whole square.
     stack = HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)

@@ -56,7 +56,7 @@ def shift_values(shift: SurfaceShift | None) -> Values:
 
 def shift_warnings(shift: SurfaceShift, removed: bool, cell: float) -> Iterator[str]:
     """What is to be known of the place of a surface from a file. cell: m."""
-    kept = "it was taken out" if removed else "the corrected surface keeps it, and all errors are told relative to it"
+    kept = "it was taken out" if removed else "the corrected surface keeps it, and all errors are given relative to it"
     if abs(shift.up) > _SURE * shift.up_sigma and shift.up_sigma > 0:
         side = "above" if shift.up > 0 else "below"
         datum = _cause(abs(shift.up))

@@ -112,7 +112,7 @@ class DsmCheckStage(Stage):
     tolerance: float | None = setting(
         None,
         "Greatest error of a height that the survey allows; the report then tells which share of the surface is proved to keep it, "
-        "breaks it, or cannot be told.",
+        "breaks it, or stays undecided.",
         "m",
         gt=0,
     )

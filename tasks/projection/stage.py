@@ -68,7 +68,7 @@ class WidenLimits(Settings):
     speck: int = setting(12, "Hidden specks of fewer pixels of the output are ignored.", "px", ge=0, le=10_000)
     dilation: Annotated[float, Field(ge=0, le=200)] | Literal["auto"] = setting(
         "auto",
-        "Width of the zone in the photographs, on either side: what mesh and orientation are worth there. auto: the one of 1, 2, "
+        "Width of the zone in the photographs, on either side: the precision of mesh and orientation there. auto: the one of 1, 2, "
         "3, 5 px whose colours are nearest to those of photographs that are left out there; none where none is better.",
         "px",
     )

@@ -9,8 +9,8 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.datum_precision import SPACING, datum_precision
+from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence
 from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
-from orthomill.tasks.densification.volume.sureness import SQUARE, Worth
 
 
 def cells_of(*heights: float) -> FusedCells:
@@ -19,13 +19,15 @@ def cells_of(*heights: float) -> FusedCells:
     return FusedCells(height, np.where(known, 0.1, np.nan).astype(np.float32), known.astype(np.uint8), known.astype(np.uint8))
 
 
-def volume_of(heights, worth) -> VolumeWindow:
+def volume_of(heights, confidence) -> VolumeWindow:
     judgement = np.zeros((1, len(heights), len(Judgement)), np.uint8)
-    return VolumeWindow(np.array([heights], np.float32), judgement, np.array([worth], np.uint8))
+    return VolumeWindow(np.array([heights], np.float32), judgement, np.array([confidence], np.uint8))
 
 
 def test_the_volume_gives_what_pairs_do_not():
-    volume = volume_of((5.2, 6.0, 7.0, np.nan, 8.0), (Worth.SURE, Worth.SURE, Worth.UNSURE, Worth.UNSURE, Worth.CALMED))
+    volume = volume_of(
+        (5.2, 6.0, 7.0, np.nan, 8.0), (Confidence.HIGH, Confidence.HIGH, Confidence.LOW, Confidence.LOW, Confidence.CALMED)
+    )
     found = completed(cells_of(5.0, np.nan, np.nan, np.nan, np.nan), volume)
     assert found.height[0].tolist()[:3] == [5.0, 6.0, 7.0] and np.isnan(found.height[0, 3])
     codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.INCOHERENT]
@@ -34,19 +36,19 @@ def test_the_volume_gives_what_pairs_do_not():
 
 
 def test_pairs_count_farther_from_a_height_of_narrow_bases():
-    volume = volume_of((5.0, 5.0, 5.0), (Worth.SURE, Worth.SURE, Worth.CALMED))
+    volume = volume_of((5.0, 5.0, 5.0), (Confidence.HIGH, Confidence.HIGH, Confidence.CALMED))
     volume.judgement[..., Judgement.STRETCH] = (0, 3.5 * STRETCH_UNIT, 3.5 * STRETCH_UNIT)
     assert volume.size[0].tolist() == [1.0, 3.5, SQUARE]
 
 
 def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():
-    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (Worth.SURE, Worth.UNSURE)))
+    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (Confidence.HIGH, Confidence.LOW)))
     assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
     assert found.height[0].tolist() == [5.0, 5.0] and found.count[0].tolist() == [1, 1]
 
 
 def test_a_pair_decides_where_only_the_rivals_of_the_volume_are_too_far_away():
-    found = completed(cells_of(5.0, np.nan), volume_of((5.2, 5.2), (Worth.BLURRED, Worth.BLURRED)))
+    found = completed(cells_of(5.0, np.nan), volume_of((5.2, 5.2), (Confidence.BLURRED, Confidence.BLURRED)))
     assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
 
 

@@ -28,8 +28,8 @@ from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outco
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.densification.volume import volume_tile
+from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
-from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved
@@ -129,7 +129,7 @@ def test_estimates_are_left_out_on_request_and_nothing_else_changes(seen, engine
 
 
 def test_a_stricter_volume_measures_fewer_cells(seen, engine):
-    strict = ObjectSpace(pairs=STAGE.matching.pairs, sure=Sureness(coherence=1.0, spread=0.0))
+    strict = ObjectSpace(pairs=STAGE.matching.pairs, confidence=ConfidenceLimits(coherence=1.0, rival_spread=0.0))
     codes = run(seen, STAGE.model_copy(update={"matching": strict})).rasters[PROVENANCE]
     assert (codes == Provenance.VOLUME).sum() < (engine.rasters[PROVENANCE] == Provenance.VOLUME).sum()
 

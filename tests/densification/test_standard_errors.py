@@ -12,7 +12,7 @@ from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
 SHAPE = (9, 15)
 STEP = 2.0
 CLEAR = 2.5
-"""a standing that leaves no doubt"""
+"""a distinctiveness that leaves no doubt"""
 
 
 def wall() -> np.ndarray:
@@ -22,8 +22,10 @@ def wall() -> np.ndarray:
     return height
 
 
-def rated(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1, standing: float = CLEAR) -> np.ndarray:
-    return relative_precision(coded(height, code, sigma), volume_at(height, standing), STEP)
+def rated(
+    height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1, distinctiveness: float = CLEAR
+) -> np.ndarray:
+    return relative_precision(coded(height, code, sigma), volume_at(height, distinctiveness), STEP)
 
 
 def coded(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1) -> FusedCells:
@@ -31,9 +33,9 @@ def coded(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float
     return FusedCells(height, precision, np.ones(height.shape, np.uint8), np.full(height.shape, code, np.uint8))
 
 
-def volume_at(height: np.ndarray, standing: float = CLEAR) -> VolumeWindow:
+def volume_at(height: np.ndarray, distinctiveness: float = CLEAR) -> VolumeWindow:
     judgement = np.zeros((*height.shape, len(Judgement)), np.uint8)
-    judgement[..., Judgement.STANDING] = 100 * standing
+    judgement[..., Judgement.DISTINCTIVENESS] = 100 * distinctiveness
     return VolumeWindow(height, judgement, np.zeros(height.shape, np.uint8))
 
 
@@ -49,7 +51,7 @@ def test_slopes_and_walls_are_rated_as_level_ground_is():
 
 def test_a_height_without_standing_may_be_that_of_a_rival_some_steps_away():
     level = np.full(SHAPE, 10.0, np.float32)
-    none, low, usual = (rated(level, standing=standing)[0, 0] for standing in (0.0, 0.5, 1.0))
+    none, low, usual = (rated(level, distinctiveness=distinctiveness)[0, 0] for distinctiveness in (0.0, 0.5, 1.0))
     assert (
         none == pytest.approx(np.hypot(0.7 * STEP, SHARE * 0.1), rel=1e-3)
         and none > 3 * low
@@ -59,7 +61,7 @@ def test_a_height_without_standing_may_be_that_of_a_rival_some_steps_away():
 
 def test_the_least_standing_of_the_neighbours_counts():
     volume = volume_at(np.full(SHAPE, 10.0, np.float32))
-    volume.judgement[4, 7, Judgement.STANDING] = 0
+    volume.judgement[4, 7, Judgement.DISTINCTIVENESS] = 0
     found = relative_precision(coded(np.full(SHAPE, 10.0, np.float32)), volume, STEP)
     assert (found[3:6, 6:9] > 1).all() and found[4, 5] == found[0, 0] < 0.1
 

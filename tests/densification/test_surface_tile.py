@@ -40,7 +40,7 @@ def surface_of_tile(tile, rules, nodes=(), volume=None):
     """The tile over a volume, by default one that knows no heights and no rivals of any."""
     if volume is None:
         volume = VolumeWindow.unknown(tile.work.shape)
-        volume.judgement[..., Judgement.STANDING] = 250
+        volume.judgement[..., Judgement.DISTINCTIVENESS] = 250
     return make_surface(tile, rules, *volume, iter(nodes))
 
 

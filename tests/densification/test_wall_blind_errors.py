@@ -23,9 +23,9 @@ def wall() -> np.ndarray:
     return height
 
 
-def rated(height: np.ndarray, standing: float = 1.0) -> np.ndarray:
+def rated(height: np.ndarray, distinctiveness: float = 1.0) -> np.ndarray:
     judgement = np.zeros((*height.shape, len(Judgement)), np.uint8)
-    judgement[..., Judgement.STANDING] = 100 * standing
+    judgement[..., Judgement.DISTINCTIVENESS] = 100 * distinctiveness
     volume = VolumeWindow(height, judgement, np.zeros(height.shape, np.uint8))
     return wall_blind_precision(matched(height), volume, STEP, NARROW)
 
@@ -62,7 +62,7 @@ def uneven_cells(hole: bool, code: Provenance = Provenance.AGREED) -> tuple[Fuse
     if hole:
         height[:4, :4], codes[:4, :4] = np.nan, Provenance.EMPTY
     volume = VolumeWindow.unknown(height.shape)
-    volume.judgement[..., Judgement.STANDING] = 200
+    volume.judgement[..., Judgement.DISTINCTIVENESS] = 200
     return FusedCells(height, np.full(height.shape, 0.02, np.float32), np.ones(height.shape, np.uint8), codes), volume
 
 

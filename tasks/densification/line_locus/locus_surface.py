@@ -46,7 +46,7 @@ def _standing(nodes: np.ndarray) -> VolumeWindow:
     volume = VolumeWindow.unknown(nodes.shape[:2])
     correlation, limit = np.abs(np.nan_to_num(nodes[..., 2])), np.nan_to_num(nodes[..., 3], nan=1.0)
     clear = np.clip((correlation - limit) / np.maximum(1.0 - limit, 1e-6), 0.0, 1.0)
-    volume.judgement[..., Judgement.STANDING] = np.rint(100.0 * clear)
+    volume.judgement[..., Judgement.DISTINCTIVENESS] = np.rint(100.0 * clear)
     return volume
 
 

@@ -3,7 +3,7 @@
 Strategy. Independent parts are added as variances. Of every height:
 - the standard error that matching and the rays gave; of a height of the volume how far the volume lies from the pairs around, and
   not less than a share of the distance between its heights;
-- doubt: where rivals fit almost as well (a low standing), the height may be one of theirs, some steps of the volume away;
+- doubt: where rivals fit almost as well (low distinctiveness), the height may be one of theirs, some steps of the volume away;
 - strangeness: around a place that could not be measured windows show two surfaces in part, and so do the wider squares of the
   volume, each to another extent: how far the two differ, the more the larger the share of the cells around that nothing measured.
 Of a height that pairs matched also:
@@ -36,8 +36,8 @@ must be: on real photographs it scatters more than its steps let expect, by gras
 _PARTS = 256
 """of the distance between the heights of the volume, in which differences are summed: a sum of floats depends on its beginning"""
 _DOUBT, _CLEAR = 0.7, 0.25
-"""distances between the heights of the volume that a height without standing may be wrong, and the standing at which this falls
-to 37 %; the least standing of a cell and its neighbours counts"""
+"""distances between the heights of the volume that a height of no distinctiveness may be wrong, and the distinctiveness at which
+this falls to 37 %; the least one of a cell and its neighbours counts"""
 _UNEVEN = 14.5
 """times the unevenness of the heights around"""
 _DIFFER = 2
@@ -50,7 +50,7 @@ REACH = max(_BESIDE, _SQUARE, _DIFFER, AROUND // 2 + 1)
 
 def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
     """Standard errors (rows, cols) float32, m, of all cells with a height; step: of the volume's heights at its finest level, m."""
-    least = ndimage.minimum_filter(volume.standing, 3, mode="nearest")
+    least = ndimage.minimum_filter(volume.distinctiveness, 3, mode="nearest")
     doubt = np.float32(_DOUBT * step) * volume.size * np.exp(-least / np.float32(_CLEAR))
     parts = matched_precision(cells, volume, step), doubt, _strangeness(cells, volume, step), _unevenness_error(cells)
     sigma = np.sqrt(sum(part.astype(float) ** 2 for part in parts))

@@ -2,7 +2,7 @@
 
 Strategy. Beside what matching and the rays gave, independent parts are added as variances:
 - the roughness next to a cell: within it the surface itself varies;
-- doubt: where rivals fit almost as well (a low standing), the height may be that of the surface next door, and the error is of
+- doubt: where rivals fit almost as well (low distinctiveness), the height may be that of the surface next door, and the error is of
   the order of the height differences around;
 - edges: a window that reaches over an edge bends towards what lies behind it, in all pairs alike;
 - the height differences within a window, but for what the even slope of the ground explains.
@@ -25,7 +25,7 @@ from orthomill.tasks.matching.dense.unevenness import unevenness
 _ROUGHNESS = 0.2
 """share of the height differences to the cells next to it that the surface varies within a cell"""
 _DOUBT, _CLEAR, _DOUBTFUL = 3.5, 0.19, 2
-"""share of the height differences around that a height without standing may be wrong, the standing at which this falls to 37 %,
+"""share of the height differences around that a height of no distinctiveness may be wrong, the one at which this falls to 37 %,
 and how many cells away these differences count"""
 _MOST = 1.0
 """no height is farther from the truth than the heights around differ"""
@@ -43,7 +43,7 @@ def wall_blind_precision(cells: FusedCells, volume: VolumeWindow, step: float, w
     """Standard errors (rows, cols) float32, m, of all cells with a height. step: of the volume's heights at its finest level, m, 0
     without a volume; window: side of the windows in cells."""
     matching = matched_precision(cells, volume, step)
-    doubt = np.minimum(_DOUBT * np.exp(-volume.standing / np.float32(_CLEAR)), _MOST) * height_range(cells.height, _DOUBTFUL)
+    doubt = np.minimum(_DOUBT * np.exp(-volume.distinctiveness / np.float32(_CLEAR)), _MOST) * height_range(cells.height, _DOUBTFUL)
     roughness, edge = _ROUGHNESS * height_range(cells.height, 1), _EDGE * height_range(cells.height, _WINDOW)
     sigma = np.sqrt(matching**2 + roughness**2 + doubt**2 + edge**2)
     sigma = np.maximum(sigma, np.minimum(_uneven(cells), _MOST * height_range(cells.height, _DOUBTFUL)))

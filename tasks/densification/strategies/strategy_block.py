@@ -119,5 +119,5 @@ def make_pair_surface(tile: SurfaceTile, rules: SurfaceRules, nodes: Iterator[np
     """The cells of a tile from the nodes of pairs alone: one array (rows, cols, 3) float32 per piece, in their order."""
     # Without a volume nothing rivals a match that its strategy accepted, and what none of the pairs has is interpolated.
     volume = VolumeWindow.unknown(tile.work.shape)
-    volume.judgement[..., Judgement.STANDING] = 100
-    return make_surface(tile, rules, volume.height, volume.judgement, volume.worth, nodes)
+    volume.judgement[..., Judgement.DISTINCTIVENESS] = 100
+    return make_surface(tile, rules, volume.height, volume.judgement, volume.confidence, nodes)

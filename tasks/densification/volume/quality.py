@@ -39,7 +39,7 @@ class Judgement(IntEnum):
 
     COHERENCE = 0
     """as `Band.COHERENCE`"""
-    STANDING = 1
+    DISTINCTIVENESS = 1
     """mean margin of a cell and its neighbours, % of that of the surroundings"""
     SPREAD = 2
     """root mean square spread of a cell and its neighbours, 1/SPREAD_UNIT steps"""
@@ -65,9 +65,9 @@ def judgement(quality: np.ndarray) -> np.ndarray:
     squares = np.where(known, quality[..., Band.SPREAD].astype(np.int64) ** 2, 0)
     near, wide = (np.maximum(box_sums(known, half), 1) for half in (1, SURROUNDINGS))
     usual = np.maximum(box_sums(margin, SURROUNDINGS), 1) / wide
-    standing = 100 * box_sums(margin, 1) / near / usual
+    distinctiveness = 100 * box_sums(margin, 1) / near / usual
     spread = np.rint(np.sqrt(box_sums(squares, 1) / near))
-    bands = quality[..., Band.COHERENCE], np.rint(standing), spread, quality[..., Band.STRETCH]
+    bands = quality[..., Band.COHERENCE], np.rint(distinctiveness), spread, quality[..., Band.STRETCH]
     return np.stack([np.minimum(band, 255).astype(np.uint8) for band in bands], axis=-1)
 
 

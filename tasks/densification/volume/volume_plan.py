@@ -1,4 +1,4 @@
-"""The rasters and jobs of the height volume: level by level, then what the finest heights are worth."""
+"""The rasters and jobs of the height volume: level by level, then which of the finest heights count as measured."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -8,10 +8,10 @@ from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
+from orthomill.tasks.densification.volume.confidence import ConfidenceLimits, JudgedTile, judged
 from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, guided_terrain
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
-from orthomill.tasks.densification.volume.sureness import JudgedTile, Sureness, judged
 from orthomill.tasks.densification.volume.terrain import terrain, terrain_grid
 from orthomill.tasks.densification.volume.volume_tile import VolumeTile, solve_volume, tile_scratch, volume_tiles
 
@@ -34,18 +34,18 @@ JUDGED_HEIGHT = "densification/volume/height"
 """float32 m, NaN where fewer than two photographs show the cell"""
 JUDGEMENT = "densification/volume/judgement"
 """uint8 (rows, cols, 3), see `Judgement`"""
-WORTH = "densification/volume/worth"
-"""uint8 codes of Worth"""
+CONFIDENCE = "densification/volume/confidence"
+"""uint8 codes of Confidence"""
 
 
-def volume_plan(scene: VolumeScene, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def volume_plan(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
     yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs, scene.reach)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
             yield _job(tile, scene, stage)
-    yield from _judged(scene.surface.grid, sure, stage, crs)
+    yield from _judged(scene.surface.grid, limits, stage, crs)
 
 
 def guided_terrain_plan(
@@ -106,12 +106,12 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     )
 
 
-def _judged(grid: MapGrid, sure: Sureness, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """What the heights of the finest level are worth."""
+def _judged(grid: MapGrid, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """Which heights of the finest level count as measured."""
     yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
     yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement), colours=False)
-    yield map_raster(WORTH, grid, "uint8", crs, SIDE)
-    names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "worth": WORTH}
+    yield map_raster(CONFIDENCE, grid, "uint8", crs, SIDE)
+    names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
     for tile in tiles_of(grid.shape, SIDE):
         judging = JudgedTile.of(tile.window, grid.shape, terrain_grid(grid).shape)
         yield Job(
@@ -124,7 +124,7 @@ def _judged(grid: MapGrid, sure: Sureness, stage: str, crs: str) -> Iterator[Ras
                 "terrain": Raster(TERRAIN, judging.places),
             },
             {key: Raster(name, tile.window) for key, name in names.items()},
-            {"tile": judging, "settings": sure},
+            {"tile": judging, "settings": limits},
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities, their slices, and sorted copies of the heights.

@@ -33,7 +33,7 @@ class SurfaceFile(Settings):
         "keep",
         "A shift of the whole surface, in height and plan, is found and reported in any case; whether the corrected surface "
         "keeps it. "
-        "Errors are told relative to the shift in height.",
+        "Errors are given relative to the shift in height.",
     )
     holes: Literal["keep", "fill"] = setting(
         "keep", "Whether holes are filled with what the stage densification, where the workflow has it, measured there."

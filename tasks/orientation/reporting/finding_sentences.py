@@ -250,8 +250,8 @@ def constant_nominal(finding: ConstantNominal) -> str:
     what = "guessed, as no tag tells it" if finding.guessed else "nominal, from EXIF"
     return (
         f"Without control the camera constant of {finding.camera} ({what}, {finding.c:.0f} px, within "
-        f"{100 * finding.share:.0f} %) cannot be told from the flying height: heights are uncertain by the same share. Calibrate "
-        "the camera, or give three control points."
+        f"{100 * finding.share:.0f} %) cannot be separated from the flying height: heights are uncertain by the same share. "
+        "Calibrate the camera, or give three control points."
     )
 
 

@@ -40,7 +40,7 @@ def _nominal(found: Sequence[BlockFinding]) -> str:
     what = "guessed, as no tag tells them" if own[0].guessed else "nominal, from EXIF"
     listed = some_of([f"{finding.camera} ({finding.c:.0f} px)" for finding in own])
     return (
-        f"Without control the camera constants of {len(own)} cameras ({what}, within {within}) cannot be told from the flying "
+        f"Without control the camera constants of {len(own)} cameras ({what}, within {within}) cannot be separated from the flying "
         f"height: heights are uncertain by the same share. Calibrate the cameras, or give three control points. They are {listed}."
     )
 

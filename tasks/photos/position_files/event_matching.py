@@ -66,7 +66,7 @@ def _counts(events: int, photographs: int) -> str:
         )
     return (
         f"The positions file holds {events} exposures without names, the project {photographs} photographs: which belongs to which "
-        "cannot be told. Take out test shots, or give a file with the names of the photographs."
+        "is unknown. Take out test shots, or give a file with the names of the photographs."
     )
 
 

@@ -13,10 +13,10 @@ from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
+from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, STRETCH_UNIT, Band
-from orthomill.tasks.densification.volume.sureness import Sureness
 from orthomill.tasks.densification.volume.volume_plan import volume_height, volume_plan, volume_quality
 from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_scratch, volume_tiles
 from orthomill.tasks.matching.volume.height_volume import HeightVolume
@@ -45,7 +45,7 @@ def solved(planned: VolumeScene) -> MemoryProject:
     for name in planned.block.names:
         for level in range(LEVELS):
             engine.put(photo_raster(name, level), pyramid(name)[level])
-    for thing in volume_plan(planned, Sureness(), "densification", "EPSG:2100"):
+    for thing in volume_plan(planned, ConfidenceLimits(), "densification", "EPSG:2100"):
         engine._take(thing)
     return engine
 
@@ -100,7 +100,7 @@ def test_one_photograph_alone_gives_nothing_and_reads_nothing():
 
 def test_the_tile_of_the_project_changes_nothing():
     assert SIDE % PLACE == HALO % PLACE == 0
-    for thing in volume_plan(scene(), Sureness(), "densification", "EPSG:2100"):
+    for thing in volume_plan(scene(), ConfidenceLimits(), "densification", "EPSG:2100"):
         if isinstance(thing, Job):
             window = next(iter(thing.writes.values())).window
             assert window.row % SIDE == 0 and window.col % SIDE == 0
@@ -174,7 +174,7 @@ def test_a_large_tile_reads_more_photographs_than_a_place_compares():
 
 
 def test_jobs_read_the_level_below():
-    for thing in volume_plan(scene(), Sureness(), "densification", "EPSG:2100"):
+    for thing in volume_plan(scene(), ConfidenceLimits(), "densification", "EPSG:2100"):
         if isinstance(thing, Job) and thing.function is solve_volume:
             level = thing.params["tile"].level.number
             coarser = thing.reads.get("coarser")

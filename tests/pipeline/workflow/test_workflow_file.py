@@ -397,3 +397,28 @@ def test_twenty_thousand_unknown_settings_are_answered_in_seconds(root):
     lines = str(caught.value).splitlines()
     assert len(lines) == 11 and lines[-1] == "... and 19990 more."
     assert process_time() - begun < 20, "it took a minute when every mistake was compared with all others"
+
+
+RENAMED = {"shape": "window", "side": "size"}
+
+
+def test_settings_under_former_names_are_taken_with_a_note_at_their_line(root, monkeypatch):
+    monkeypatch.setattr(MatchingStage, "renamed", RENAMED)
+    text = HEAD + "stages:\n  - kind: matching\n    side: 9\n  - kind: painting\n"
+    loaded = load_workflow(workflow(root, text), CATALOGUE)
+    assert loaded.stages[0] == MatchingStage(size=9)
+    line = text.splitlines().index("    side: 9") + 1
+    assert len(loaded.notes) == 1
+    assert loaded.notes[0].startswith(f"workflows/site.yaml:{line}: stages > matching > side: is called 'size' now")
+
+
+def test_a_file_with_present_names_has_no_notes(root):
+    assert load_workflow(workflow(root, HEAD + "stages:\n  - kind: matching\n    size: 9\n"), CATALOGUE).notes == ()
+
+
+def test_mistakes_at_former_names_say_what_was_found(root, monkeypatch):
+    monkeypatch.setattr(MatchingStage, "renamed", RENAMED)
+    head = HEAD + "stages:\n  - kind: matching\n"
+    assert "is 2 px; must be at least 3 px" in only(root, head + "    side: 2\n")
+    assert "no kind of window 'circle'" in only(root, head + "    shape: {kind: circle}\n")
+    assert "'side' is called 'size' now, and both are set" in only(root, head + "    side: 9\n    size: 9\n")

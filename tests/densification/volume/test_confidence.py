@@ -1,4 +1,4 @@
-"""What heights of the volume are worth: coherence, rivals and the border decide; what stands alone far and wide is calmed."""
+"""Which heights of the volume count as measured: coherence, rivals and the border decide. What stands alone is calmed."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence, ConfidenceLimits, JudgedTile, judged
 from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Band, Judgement, judgement, quality_bands
-from orthomill.tasks.densification.volume.sureness import SQUARE, JudgedTile, Sureness, Worth, judged
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 
 SHAPE = (80, 104)
@@ -27,7 +27,7 @@ def quality(coherence: float, spread: float = 0.0, shape=SHAPE) -> np.ndarray:
 def judge(height, bands, window=WHOLE, rules=None, terrain=0.0):
     tile = JudgedTile.of(window, SHAPE, TERRAIN_SHAPE)
     ground = np.full(tile.places.shape, terrain, np.float32)
-    return judged(tile, rules or Sureness(), height[tile.around.slices], bands[tile.around.slices], ground)
+    return judged(tile, rules or ConfidenceLimits(), height[tile.around.slices], bands[tile.around.slices], ground)
 
 
 def level(height: float = 50.0) -> np.ndarray:
@@ -35,21 +35,21 @@ def level(height: float = 50.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("coherence", "spread", "rules", "worth"),
+    ("coherence", "spread", "rules", "confidence"),
     [
-        (0.9, 0.5, Sureness(), Worth.SURE),
-        (0.6, 0.5, Sureness(), Worth.UNSURE),
-        (0.6, 0.5, Sureness(coherence=0.5), Worth.SURE),
-        (0.9, 2.5, Sureness(), Worth.BLURRED),
-        (0.6, 2.5, Sureness(), Worth.UNSURE),
-        (0.9, 2.5, Sureness(spread=3.0), Worth.SURE),
-        (0.9, 0.5, Sureness(standing=1.2), Worth.UNSURE),
-        (0.3, 0.0, Sureness(), Worth.CALMED),
+        (0.9, 0.5, ConfidenceLimits(), Confidence.HIGH),
+        (0.6, 0.5, ConfidenceLimits(), Confidence.LOW),
+        (0.6, 0.5, ConfidenceLimits(coherence=0.5), Confidence.HIGH),
+        (0.9, 2.5, ConfidenceLimits(), Confidence.BLURRED),
+        (0.6, 2.5, ConfidenceLimits(), Confidence.LOW),
+        (0.9, 2.5, ConfidenceLimits(rival_spread=3.0), Confidence.HIGH),
+        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2), Confidence.LOW),
+        (0.3, 0.0, ConfidenceLimits(), Confidence.CALMED),
     ],
 )
-def test_coherence_and_rivals_decide(coherence, spread, rules, worth):
+def test_coherence_and_rivals_decide(coherence, spread, rules, confidence):
     found = judge(level(), quality(coherence, spread), rules=rules)
-    assert (found.worth[INNER] == worth).all() and (found.height == 50).all()
+    assert (found.confidence[INNER] == confidence).all() and (found.height == 50).all()
 
 
 def test_nothing_is_sure_next_to_the_border():
@@ -59,7 +59,7 @@ def test_nothing_is_sure_next_to_the_border():
     row, col = np.indices(SHAPE)
     near = (np.abs(row - 40) <= 4) & (np.abs(col - 50) <= 4)
     edge = (row < 4) | (col < 4) | (row >= SHAPE[0] - 4) | (col >= SHAPE[1] - 4)
-    assert ((found.worth == Worth.SURE) == ~(near | edge)).all()
+    assert ((found.confidence == Confidence.HIGH) == ~(near | edge)).all()
 
 
 def test_heights_at_the_border_are_those_farther_inside():
@@ -74,7 +74,7 @@ def test_the_surface_reaches_a_little_beyond_its_border():
     height[:, :20] = np.nan
     found = judge(height, quality(0.95))
     assert (found.height[4:-4, 16:] == 50).all() and np.isnan(found.height[:, :16]).all()
-    assert (found.worth[:, 16:20] != Worth.SURE).all()
+    assert (found.confidence[:, 16:20] != Confidence.HIGH).all()
 
 
 def test_a_few_cells_that_stand_alone_are_not_calmed():
@@ -82,7 +82,7 @@ def test_a_few_cells_that_stand_alone_are_not_calmed():
     bands[30:34, 40:44, Band.COHERENCE] = 10
     height[30:34, 40:44] += np.arange(4)
     found = judge(height, bands)
-    assert (found.worth[30:34, 40:44] == Worth.UNSURE).all() and (found.worth[INNER] == Worth.UNSURE).sum() == 16
+    assert (found.confidence[30:34, 40:44] == Confidence.LOW).all() and (found.confidence[INNER] == Confidence.LOW).sum() == 16
     assert (found.height == height).all()
 
 
@@ -90,7 +90,7 @@ def test_calmed_heights_follow_the_crowns_and_not_the_leaves():
     crowns = 20 + 0.05 * np.indices(SHAPE)[1]
     leaves = np.random.default_rng(0).normal(0, 3, SHAPE)
     found = judge((crowns + leaves).astype(np.float32), quality(0.2))
-    assert (found.worth == Worth.CALMED).all()
+    assert (found.confidence == Confidence.CALMED).all()
     assert np.abs(found.height - crowns)[SQUARE:-SQUARE, SQUARE:-SQUARE].max() < 1.5
 
 
@@ -126,14 +126,15 @@ def test_a_judgement_is_about_a_cell_and_its_neighbours():
     found = judgement(bands)
     assert found[41, 41, Judgement.SPREAD] == round(SPREAD_UNIT * np.sqrt((16 + 4) / 8))
     # Half of the bits everywhere else, a fifth here.
-    assert found[11, 11, Judgement.STANDING] == pytest.approx(40, abs=1) and found[60, 60, Judgement.STANDING] in (100, 101)
+    distinctiveness = found[..., Judgement.DISTINCTIVENESS]
+    assert distinctiveness[11, 11] == pytest.approx(40, abs=1) and distinctiveness[60, 60] in (100, 101)
     assert (found[..., Judgement.COHERENCE] == 100).all()
 
 
 def test_a_margin_without_rivals_counts_as_a_clear_one():
     bands = quality(1.0, 0.0, (9, 9))
     bands[4, 4, Band.MARGIN] = 255
-    assert judgement(bands)[4, 4, Judgement.STANDING] <= 111
+    assert judgement(bands)[4, 4, Judgement.DISTINCTIVENESS] <= 111
 
 
 def test_bands_that_are_too_large_are_cut_off():

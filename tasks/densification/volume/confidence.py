@@ -1,4 +1,4 @@
-"""What the heights of the finest level are worth, and calmer ones where they stand alone far and wide.
+"""Which heights of the finest level count as measured, and calmer ones where they stand alone far and wide.
 
 Strategy. A height counts as measured where those around go along with it, it beats its rivals as clearly as is usual here, none of
 them lies far away, and two photographs or more see all of its surroundings. Where only the rivals are too far away (grass, in which
@@ -10,7 +10,7 @@ the terrain of the tie points is believed as far as their scatter supports it, a
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -23,42 +23,46 @@ from orthomill.tasks.imagery.resampling import between
 from orthomill.tasks.matching.volume.winners import COHERENCE_HALF
 
 
-class Sureness(Settings):
+class ConfidenceLimits(Settings):
     """When a height of the volume counts as measured."""
 
+    renamed: ClassVar = {"standing": "distinctiveness", "spread": "rival_spread"}  # 0.2
     coherence: float = setting(0.7, "Share of the cells around that must go along with it.", ge=0.0, le=1.0)
-    standing: float = setting(
+    distinctiveness: float = setting(
         0.7, "How clearly it beats its rivals, as a share of what is usual in its surroundings, at least.", ge=0.0, le=2.5
     )
-    spread: float = setting(
+    rival_spread: float = setting(
         1.6, "How far from it heights may lie, on average, that fit nearly as well.", "heights", ge=0.0, le=15.0
     )
 
     def coherent(self, judged: np.ndarray) -> np.ndarray:
         """(rows, cols) bool from a judgement (rows, cols, 4): the surroundings go along, and its rivals are beaten."""
-        return (judged[..., Judgement.COHERENCE] >= 100 * self.coherence) & (judged[..., Judgement.STANDING] >= 100 * self.standing)
+        return (judged[..., Judgement.COHERENCE] >= 100 * self.coherence) & (
+            judged[..., Judgement.DISTINCTIVENESS] >= 100 * self.distinctiveness
+        )
 
     def sharp(self, judged: np.ndarray) -> np.ndarray:
         """(rows, cols) bool from a judgement (rows, cols, 4): its rivals are near."""
-        return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.spread
+        return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.rival_spread
 
 
-class Worth(IntEnum):
-    """What a height of the volume is worth; uint8."""
+class Confidence(IntEnum):
+    """Whether a height of the volume counts as measured; uint8."""
 
-    SURE = 0
-    UNSURE = 1
+    HIGH = 0
+    LOW = 1
     CALMED = 2
     BLURRED = 3
-    """sure but for rivals that fit nearly as well: measured where a pair decides among them"""
+    """high but for rivals that fit nearly as well: measured where a pair decides among them"""
 
 
 class JudgedVolume(NamedTuple):
-    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 4) uint8 and `worth` (rows, cols) uint8 codes of Worth."""
+    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 4) uint8 and `confidence`, uint8 codes of
+    Confidence."""
 
     height: np.ndarray
     judgement: np.ndarray
-    worth: np.ndarray
+    confidence: np.ndarray
 
 
 SQUARE = 8
@@ -91,7 +95,9 @@ class JudgedTile:
         return cls(window, around, places_around(around, 1, terrain_shape))
 
 
-def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np.ndarray, terrain: np.ndarray) -> JudgedVolume:
+def judged(
+    tile: JudgedTile, settings: ConfidenceLimits, height: np.ndarray, quality: np.ndarray, terrain: np.ndarray
+) -> JudgedVolume:
     """height (rows, cols) m, NaN for none, and quality (rows, cols, 5) of the cells `tile.around`; terrain (rows, cols) m of
     `tile.places`."""
     inner = tile.window.within(tile.around).slices
@@ -99,16 +105,16 @@ def judged(tile: JudgedTile, settings: Sureness, height: np.ndarray, quality: np
     enclosed = _enclosed(known)
     coherent, sharp = settings.coherent(judgements) & enclosed, settings.sharp(judgements)
     alone = known & ~(coherent & sharp) & _alone(quality, known)
-    worth = np.select(
+    confidence = np.select(
         [coherent & sharp, alone, coherent],
-        [np.uint8(Worth.SURE), np.uint8(Worth.CALMED), np.uint8(Worth.BLURRED)],
-        np.uint8(Worth.UNSURE),
+        [np.uint8(Confidence.HIGH), np.uint8(Confidence.CALMED), np.uint8(Confidence.BLURRED)],
+        np.uint8(Confidence.LOW),
     )
     calmer = _bordered(height, enclosed)
     # Most tiles of open ground have nothing to calm, and medians cost more than all the rest.
     if alone[inner].any():
         calmer = np.where(alone, _calm(height, at_cells(terrain, tile.places, tile.around, 1)), calmer)
-    return JudgedVolume(calmer[inner], judgements[inner], worth[inner])
+    return JudgedVolume(calmer[inner], judgements[inner], confidence[inner])
 
 
 def _enclosed(known: np.ndarray) -> np.ndarray:
