@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.radiometry import grey
@@ -38,7 +39,8 @@ def match(
     """
     points = np.atleast_2d(np.asarray(points, np.float64))
     starts = points if starts is None else np.atleast_2d(np.asarray(starts, np.float64))
-    return match_points(_grey(left), _grey(right), points, starts, settings or LeastSquaresMatching())
+    with opencv_on_one_thread():
+        return match_points(_grey(left), _grey(right), points, starts, settings or LeastSquaresMatching())
 
 
 def match_surface(
@@ -51,7 +53,8 @@ def match_surface(
 
     Raises PhotoError for unreadable files, ValueError for arrays that do not fit together.
     """
-    return match_pair(_grey(left), _grey(right), low, high, settings)
+    with opencv_on_one_thread():
+        return match_pair(_grey(left), _grey(right), low, high, settings)
 
 
 def _grey(image: np.ndarray | str | Path) -> np.ndarray:

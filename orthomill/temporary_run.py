@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import ConfigDict, PrivateAttr
 
 from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.one_thread import linear_algebra_on_one_thread
 from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.records.records import Record
@@ -86,7 +87,8 @@ def temporary_run(project: Project, stages: tuple[Stage, ...], progress: Progres
     """
     with tempfile.TemporaryDirectory(prefix="orthomill-") as folder:
         session = Session(project, stages, Path(folder), _listed)
-        session.run(SequentialRunner(MEMORY), _Watcher(progress))
+        with linear_algebra_on_one_thread():
+            session.run(SequentialRunner(MEMORY), _Watcher(progress))
         if session.failures:
             raise OrthomillError(next(iter(session.failures.values())))
         yield session.store

@@ -2,12 +2,13 @@
 
 import os
 import sys
-from importlib import import_module
 from pathlib import Path
 
 from hypothesis import settings
 
-import_module("orthomill.pipeline")  # gives numerical libraries one thread, as in the command, before any of them is loaded
+from orthomill.pipeline.engine.one_thread import one_thread_from_here
+
+one_thread_from_here()  # as in the command, before any numerical library is loaded
 
 SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards")]
 sys.path[:0] = SUPPORT

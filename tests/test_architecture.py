@@ -131,6 +131,16 @@ def test_only_three_files_import_dask():
     assert found == {"dask_runner.py", "dask_cluster.py", "dask_observer.py"}
 
 
+def test_kernels_have_the_cache_that_all_processes_share():
+    texts = {path: path.read_text() for path in modules("schemas", "tasks", "pipeline")}
+    nobody(relative(path) for path, text in texts.items() if "from numba import" in text or "import numba\n" in text)
+
+
+def test_nobody_loads_the_distributions_of_scipy():
+    """scipy.stats takes as long to import as the rest of what a command needs; scipy.special has the same functions."""
+    nobody(offenders(modules("schemas", "tasks", "pipeline"), "scipy.stats"))
+
+
 def test_only_the_storage_room_imports_zarr():
     assert {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"storage"}
 

@@ -3,75 +3,77 @@
 import os
 import time
 
-import numba
 import pytest
 
-from orthomill.tasks.kernel_cache import sources_digest, use_kernel_cache
+from orthomill.kernels import kernel_cache
+from orthomill.kernels.kernel_cache import folder_of, kernel_folder, kernels_are_kept, sources_digest, tidy
 
 
 @pytest.fixture
 def sources(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     folder = tmp_path / "sources"
     (folder / "tasks" / "room").mkdir(parents=True)
     (folder / "schemas").mkdir()
-    (folder / "tasks" / "room" / "kernels.py").write_text("from numba import njit\nfrom orthomill.tasks.callee import f\n")
+    (folder / "pyproject.toml").write_text("")
+    (folder / "tasks" / "room" / "kernels.py").write_text("from orthomill.tasks.callee import f\n")
     (folder / "tasks" / "callee.py").write_text("from orthomill.schemas import (\n    codes,\n)\nf = 1\n")
     (folder / "schemas" / "codes.py").write_text("DONE = 0\n")
-    (folder / "tasks" / "other.py").write_text("g = 1\n")
+    (folder / "tasks" / "other.py").write_text("from orthomill.schemas.codes import DONE\n")
     return folder
 
 
+def digest(sources, module="tasks/room/kernels.py"):
+    kernel_cache._read.cache_clear()  # a process reads its sources once
+    return sources_digest(sources / module, sources)
+
+
 @pytest.mark.parametrize("module", ["tasks/room/kernels.py", "tasks/callee.py", "schemas/codes.py"])
-def test_a_change_in_what_kernels_are_made_of_gives_another_folder(sources, tmp_path, monkeypatch, module):
-    use_kernel_cache(sources, tmp_path / "kept")
-    before = os.environ["NUMBA_CACHE_DIR"]
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
-    use_kernel_cache(sources, tmp_path / "kept")
-    assert os.environ["NUMBA_CACHE_DIR"] == before
+def test_a_change_in_what_kernels_are_made_of_gives_another_folder(sources, module):
+    before = digest(sources)
+    assert digest(sources) == before
     with (sources / module).open("a") as text:
         text.write("more = 2\n")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
-    use_kernel_cache(sources, tmp_path / "kept")
-    assert os.environ["NUMBA_CACHE_DIR"] != before
+    assert digest(sources) != before
 
 
-def test_numba_that_was_imported_before_uses_the_folder_too(sources, tmp_path):
-    use_kernel_cache(sources, tmp_path / "kept")
-    assert numba.config.CACHE_DIR == os.environ["NUMBA_CACHE_DIR"] != ""
-
-
-def test_a_module_that_no_kernel_uses_does_not_count(sources):
-    before = sources_digest(sources)
+def test_a_change_in_a_file_that_a_kernel_does_not_import_compiles_nothing_again(sources):
+    before, other = digest(sources), digest(sources, "tasks/other.py")
     (sources / "tasks" / "other.py").write_text("g = 2\n")
-    assert sources_digest(sources) == before
+    assert digest(sources) == before
+    assert digest(sources, "tasks/other.py") != other
 
 
-def test_a_renamed_module_is_a_change(sources):
-    before = sources_digest(sources)
-    (sources / "tasks" / "room" / "kernels.py").rename(sources / "tasks" / "room" / "renamed.py")
-    assert sources_digest(sources) != before
+def test_the_users_choice_is_used(sources, tmp_path, monkeypatch):
+    assert kernel_folder(sources) == sources / ".cache" / "kernels"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
+    assert kernel_folder(sources) == tmp_path / "elsewhere"
 
 
-def test_the_users_choice_stays(sources, tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "elsewhere")
-    use_kernel_cache(sources, tmp_path / "kept")
-    assert os.environ["NUMBA_CACHE_DIR"] == "elsewhere"
-    assert not (tmp_path / "kept").exists()
+def test_an_installed_package_keeps_its_kernels_in_the_users_cache(sources, tmp_path, monkeypatch):
+    (sources / "pyproject.toml").unlink()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert kernel_folder(sources) == tmp_path / "mine" / "orthomill" / "kernels"
 
 
-def test_kernels_of_old_sources_are_removed(sources, tmp_path):
-    old, recent = tmp_path / "kept" / "old", tmp_path / "kept" / "recent"
-    old.mkdir(parents=True)
-    recent.mkdir()
+def test_kernels_that_nobody_used_for_a_week_are_removed(sources):
+    old = kernel_folder(sources) / "tasks.room.kernels-0123456789abcdef"
+    recent = kernel_folder(sources) / "tasks.room.kernels-fedcba9876543210"
+    for folder in (old, recent):
+        folder.mkdir(parents=True)
     long_ago = time.time() - 30 * 86400
     os.utime(old, (long_ago, long_ago))
-    use_kernel_cache(sources, tmp_path / "kept")
+    tidy(sources)
     assert not old.exists() and recent.exists()
 
 
-def test_a_place_that_cannot_be_written_changes_nothing(sources, tmp_path):
-    (tmp_path / "kept").write_text("a file, not a folder")
-    use_kernel_cache(sources, tmp_path / "kept")
-    assert os.environ["NUMBA_CACHE_DIR"] == ""
+def test_only_kernels_of_the_present_sources_count_as_kept(sources):
+    kernel_cache._read.cache_clear()
+    stale = kernel_folder(sources) / "tasks.room.kernels-0123456789abcdef"
+    stale.mkdir(parents=True)
+    (stale / "f.1.nbc").write_bytes(b"")
+    assert not kernels_are_kept(sources)
+    present = folder_of(sources / "tasks" / "room" / "kernels.py", sources)
+    present.mkdir()
+    (present / "f.1.nbc").write_bytes(b"")
+    assert kernels_are_kept(sources)

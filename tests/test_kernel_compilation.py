@@ -6,13 +6,13 @@ import sys
 
 import pytest
 
-from orthomill.tasks import kernel_compilation
+from orthomill.kernels import kernel_compilation
 
 KERNEL = """
-from numba import njit
+from orthomill.kernels.kernel_compilation import njit
 
 
-@njit(cache=True)
+@njit()
 def kernel(values):
     total = 0
     for i in range(len(values)):
@@ -22,7 +22,6 @@ def kernel(values):
 """
 MAIN = """
 import sys
-import orthomill.tasks
 import numba.core.event as event
 import numpy as np
 from several import kernel

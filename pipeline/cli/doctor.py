@@ -21,6 +21,8 @@ import rasterio
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from orthomill.kernels.kernel_cache import kernel_folder
+
 GIB = 2**30
 LIBRARIES = (
     ("numpy", 1),
@@ -143,7 +145,7 @@ def _port(port: int) -> Finding:
 
 def _kernel_cache() -> Finding:
     """Where numba keeps compiled kernels: without it every worker compiles all of them again, which takes minutes."""
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[2])
+    folder = kernel_folder()
     existing = next(place for place in (folder, *folder.parents) if place.exists())
     advice = "set NUMBA_CACHE_DIR to a folder that can be written, so that kernels are compiled once"
     return _judged("kernel cache", str(folder), _can(existing, _write), advice)

@@ -10,6 +10,8 @@ import sys
 import warnings
 from types import FrameType
 
+from orthomill.pipeline.engine.one_thread import one_thread_from_here
+
 START_BYTES = 1200 * 2**20
 """Address space that importing everything takes, measured."""
 
@@ -34,6 +36,7 @@ def main() -> None:
     if not sys.warnoptions:
         os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning"
         warnings.simplefilter("ignore", RuntimeWarning)
+    one_thread_from_here()
     # Libraries are loaded for seconds; the command itself listens when it has them (`plain_errors`).
     signal.signal(signal.SIGINT, _stopped_early)
     from orthomill.pipeline.cli.commands.application import main as run_command

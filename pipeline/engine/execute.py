@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from orthomill.pipeline.engine.freed_memory import give_back
+from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
@@ -137,12 +138,12 @@ def _perform(work: JobOrder) -> Left:
         return Left({}, keep(work.folder, [work.folder / work.job.path]))
     job = work.job
     inputs = {name: read_all(reading, lambda region: _read(store, work.root, region)) for name, reading in job.reads.items()}
-    result = job.function(**inputs, **job.params)
-    values = results_by_name(result, job)
-    if set(values) != set(job.writes):
-        raise StoreError(f"{job.key} must return {sorted(job.writes)} but returned {sorted(values)}.")
-    for name, region in job.writes.items():
-        _write(store, region, values[name])
+    with opencv_on_one_thread():  # until all is written: a result may be computed while it is
+        values = results_by_name(job.function(**inputs, **job.params), job)
+        if set(values) != set(job.writes):
+            raise StoreError(f"{job.key} must return {sorted(job.writes)} but returned {sorted(values)}.")
+        for name, region in job.writes.items():
+            _write(store, region, values[name])
     births = {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
     return Left(births, keep(work.folder, (path for region in job.writes.values() for path in store.files(region))))
 

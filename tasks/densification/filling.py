@@ -9,9 +9,9 @@ spread. For estimates that can only be wrong, heights on one side will do.
 from typing import Annotated, Literal
 
 import numpy as np
-from numba import njit
 from pydantic import Field
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import ESTIMATED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
@@ -46,13 +46,13 @@ _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1,
 """(row, col) steps around a cell; those four places apart are opposite"""
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _enclosed(found):
     # Heights on one side only would be extrapolated: at the border of the block and at roof edges that invents ground.
     return (found[0] and found[4]) or (found[1] and found[5]) or (found[2] and found[6]) or (found[3] and found[7])
 
 
-@njit(cache=True)
+@njit()
 def _fill(height, precision, wrong, reach, out_height, out_precision):
     """Fills NaN cells of height (rows, cols) m into `out_height` and `out_precision`, the `wrong` ones from one side too; reach in
     cells."""

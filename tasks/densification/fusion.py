@@ -8,8 +8,8 @@ precision is that of the weighted mean, widened when the group scatters more tha
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.height_stack import HeightStack
@@ -35,21 +35,21 @@ class FusedCells:
     provenance: np.ndarray
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _agree(seed, other, seed_sigma, other_sigma, agreement, tolerance):
     # Within a cell the ground itself varies, so very precise heights of two pairs may differ without contradiction: hence the
     # floor `tolerance` besides the statistical test.
     return abs(seed - other) <= max(agreement * np.sqrt(seed_sigma**2 + other_sigma**2), tolerance)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _better(members, weight, best_members, best_weight):
     """Whether a group beats the best so far: agreement first, weight second."""
     # Matching errors are not normal: a blunder can report a tiny sigma, and by weight alone it would outvote two good heights.
     return (members > 1) > (best_members > 1) or ((members > 1) == (best_members > 1) and weight > best_weight)
 
 
-@njit(cache=True)
+@njit()
 def _fuse(heights, sigmas, agreement, tolerance, height, precision, count, provenance):
     """Fills the last four (rows, cols) from heights and sigmas (pairs, rows, cols) m."""
     pairs = heights.shape[0]

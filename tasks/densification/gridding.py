@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
@@ -75,19 +75,19 @@ class _CellArrays(NamedTuple):
     sigma: np.ndarray
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _corner(nodes, i, j):
     return _Corner(nodes.col[i, j], nodes.row[i, j], nodes.z[i, j], nodes.sigma[i, j])
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _keep_highest(cells, r, c, z, sigma):
     if not cells.height[r - cells.first_row, c - cells.first_col] >= z:
         cells.height[r - cells.first_row, c - cells.first_col] = z
         cells.sigma[r - cells.first_row, c - cells.first_col] = sigma
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _triangle(p, q, s, cells):
     """Linear interpolation by barycentric coordinates at the cell centres inside the triangle p, q, s."""
     area = (q.col - p.col) * (s.row - p.row) - (s.col - p.col) * (q.row - p.row)
@@ -108,7 +108,7 @@ def _triangle(p, q, s, cells):
                 _keep_highest(cells, r, c, z, p.sigma + u * (q.sigma - p.sigma) + v * (s.sigma - p.sigma))
 
 
-@njit(cache=True)
+@njit()
 def _triangulate(nodes, limits, cells, joined):
     """Fills the cells inside triangles; `joined` (rows, cols) counts the triangles that meet in every node."""
     for i in range(joined.shape[0] - 1):
@@ -130,7 +130,7 @@ def _triangulate(nodes, limits, cells, joined):
                 _triangle(_corner(nodes, k, m), _corner(nodes, i, j + 1), _corner(nodes, i + 1, j), cells)
 
 
-@njit(cache=True)
+@njit()
 def _cover(nodes, limits, joined, rows, alone):
     """Gives the height of every node at a discontinuity, of those in the range `rows`, to the cells around it."""
     last_row, last_col = alone.first_row + alone.height.shape[0] - 1, alone.first_col + alone.height.shape[1] - 1
@@ -145,7 +145,7 @@ def _cover(nodes, limits, joined, rows, alone):
                     _keep_highest(alone, r, c, nodes.z[i, j], nodes.sigma[i, j])
 
 
-@njit(cache=True)
+@njit()
 def _add(nodes, limits, rows, cells, alone):
     """Adds the nodes of the range `rows`; those in the rows beside it, where there are some, complete their triangles."""
     joined = np.zeros(nodes.parallax.shape, np.uint8)
@@ -153,7 +153,7 @@ def _add(nodes, limits, rows, cells, alone):
     _cover(nodes, limits, joined, rows, alone)
 
 
-@njit(cache=True)
+@njit()
 def _complete(cells, alone):
     for r in range(cells.height.shape[0]):
         for c in range(cells.height.shape[1]):

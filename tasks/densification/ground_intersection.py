@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
 
@@ -44,7 +44,7 @@ class _BaseSystem(NamedTuple):
     centre: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _intersect(parallax, sigma, first, step, system, xyz, sigma_z):
     """Fills xyz (3, rows, cols) and sigma_z (rows, cols) m; first: (row, col) of the first node, step: node distance, px."""
     for i in range(parallax.shape[0]):

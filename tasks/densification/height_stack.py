@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from scipy import ndimage
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.densification.gridding import HeightCells
 
 SLOTS = 12
@@ -59,13 +59,13 @@ def _calm(reference: np.ndarray) -> np.ndarray:
     return np.where(known, cv2.medianBlur(wide, _AROUND)[REACH:-REACH, REACH:-REACH], np.nan)
 
 
-@njit(cache=True)
+@njit()
 def _beyond(z, reference, calm, tolerance):
     """Whether a height is contradicted. Without a reference nothing contradicts it: NaN fails the comparison."""
     return abs(z - reference) > tolerance and not abs(z - calm) <= tolerance
 
 
-@njit(cache=True)
+@njit()
 def _add(height, sigma, reference, calm, tolerance, heights, sigmas):
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):

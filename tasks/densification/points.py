@@ -9,8 +9,8 @@ order of the pairs, and a cell belongs to one tile: the points are the same for 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import Settings, setting
@@ -59,7 +59,7 @@ class _PairBits(NamedTuple):
     right_bit: np.uint64
 
 
-@njit(cache=True)
+@njit()
 def _keep(nodes, accepted, corner, source, cells):
     rows, cols, most = cells.sigma.shape
     for i in range(accepted.shape[0]):

@@ -13,9 +13,9 @@ Source: Karfis 2009 (sources/epipolar.md#spikes).
 from typing import NamedTuple, Self
 
 import numpy as np
-from numba import njit
 from pydantic import model_validator
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 
 
@@ -60,7 +60,7 @@ class _Neighbours(NamedTuple):
     support: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _spikes(height, near, sigmas, min_support, floor):
     """(rows, cols) bool of heights (rows, cols) m; floor: m."""
     out = np.zeros(height.shape, np.bool_)
@@ -89,7 +89,7 @@ def _spikes(height, near, sigmas, min_support, floor):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _unsupported(height, near, least):
     """(rows, cols) bool: heights that fewer than `least` neighbours support."""
     out = np.zeros(height.shape, np.bool_)

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.gridding import ValueRows, rasterised
@@ -29,7 +29,7 @@ _SAME_SURFACE = 1.5
 """px of parallax between neighbouring cells above which the surface breaks"""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _projected(heights, x, y, pose, base, cell, first, shape, places):
     """Fill places (3, rows, cols): column and row in the reduced image of `shape`, and the parallax (px), of the cells near it.
 

@@ -16,9 +16,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import binary_opening
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.dsm_check.nodes import DH, EAST, OUTCOME, SIGMA, SOUTH, node_offset
@@ -96,7 +96,7 @@ def without_spikes(nodes: np.ndarray) -> np.ndarray:
     return nodes
 
 
-@njit(cache=True)
+@njit()
 def _spikes(dh, sigma, spikes):
     """Marks differences from the median of the 5 x 5 neighbours beyond three times the larger of own sigma and their spread."""
     near = np.empty(24)
@@ -155,7 +155,7 @@ def interpolate(points: np.ndarray, window: Window, grid: CorrectionNodes) -> Co
     return CorrectionMap(dh, sigma)
 
 
-@njit(cache=True)
+@njit()
 def _accumulate(points, origin, radius, sums):
     """Adds points (N, 4) to sums (rows, cols, 13) of the cells within `radius`."""
     for i in range(points.shape[0]):
@@ -185,7 +185,7 @@ def _accumulate(points, origin, radius, sums):
                 s[_POINTS] += 1.0
 
 
-@njit(cache=True)
+@njit()
 def _solve(sums, radius, common, dh, sigma):
     """Value and standard error of the plane at the cell's centre, dh and sigma (rows, cols) m."""
     for r in range(sums.shape[0]):

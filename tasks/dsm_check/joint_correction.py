@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.job import Table
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap
 
@@ -91,7 +91,7 @@ def joint(
     return CorrectionMap(dh, sigma), disputed
 
 
-@njit(cache=True)
+@njit()
 def _join(all_dh, all_sigma, bends, common, dh, sigma, disputed):
     values, errors = np.empty(all_dh.shape[0]), np.empty(all_dh.shape[0])
     which = np.empty(all_dh.shape[0], np.int64)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
@@ -175,7 +175,7 @@ class _Camera(NamedTuple):
     reach: int
 
 
-@njit(cache=True)
+@njit()
 def _hide(heights, cells, first, camera, outcome):
     """Marks nodes without height (OUTSIDE) and nodes whose ray to the camera cuts the model (OCCLUDED).
 
@@ -257,7 +257,7 @@ def _heights(tile: NodeTile, cells: np.ndarray, heights: np.ndarray) -> np.ndarr
     return out
 
 
-@njit(cache=True)
+@njit()
 def _heights_at(heights, cells, out):
     for i in range(cells.shape[0]):
         known = np.isfinite(cells[i, 0]) and np.isfinite(cells[i, 1])

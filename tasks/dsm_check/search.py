@@ -14,12 +14,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.settings import Settings, setting
-
-# workers are processes: OpenCV's own threads would compete with them for the same cores
-cv2.setNumThreads(1)
 
 _NONE = -2.0
 """correlation where none can be computed: below every coefficient"""
@@ -144,7 +141,7 @@ def _steps(direction: np.ndarray, reach: int) -> np.ndarray:
     return steps[np.argsort((steps**2).sum(axis=1), kind="stable")]
 
 
-@njit(cache=True, forceinline=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
+@njit(forceinline=True, fastmath={"reassoc", "contract", "nsz", "arcp"})
 def _product(a, b, ar, ac, br, bc, half):
     """Sum of products of two windows relative to the grey value 128."""
     # relative to the middle grey value: float32 sums of raw products would lose the digits that the covariance needs
@@ -155,7 +152,7 @@ def _product(a, b, ar, ac, br, bc, half):
     return total
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _coefficient(product, sa, saa, sb, sbb, n):
     """Normalised correlation from sums over n pixels; NaN sums and flat windows give -2."""
     power = (saa - sa * sa / n) * (sbb - sb * sb / n)
@@ -164,7 +161,7 @@ def _coefficient(product, sa, saa, sb, sbb, n):
     return (product - (sa - 128.0 * n) * (sb - 128.0 * n) / n) / np.sqrt(power)
 
 
-@njit(cache=True)
+@njit()
 def _window_sums(image, row, col, half):
     """Sum and sum of squares of the window; NaN where it extends beyond the image or contains no data."""
     total = squares = 0.0
@@ -180,7 +177,7 @@ def _window_sums(image, row, col, half):
     return total, squares
 
 
-@njit(cache=True, forceinline=True)
+@njit(forceinline=True)
 def _coarse(halves, row, col, steps, half, gain):
     """Number of the step that correlates best at half size; 0 is no shift."""
     a, b = halves.left, halves.right
@@ -206,7 +203,7 @@ def _coarse(halves, row, col, steps, half, gain):
     return step
 
 
-@njit(cache=True, forceinline=True)
+@njit(forceinline=True)
 def _fine(left, right, col, row, first, half):
     """The shift next to `first` (2,) that correlates best at full size; `first` where none can be computed."""
     # at full size only the eight neighbours: half size leaves an uncertainty of one pixel
@@ -226,7 +223,7 @@ def _fine(left, right, col, row, first, half):
     return dc, dr
 
 
-@njit(cache=True)
+@njit()
 def _search(left, right, halves, points, steps, half, gain, out):
     """Fills shifts (N, 2) px of points (N, 2); steps (M, 2) of half-size pixels, the first none."""
     for i in range(points.shape[0]):

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.epipolar import GreyRange
 from orthomill.schemas.orientation import ExteriorOrientation
@@ -90,7 +90,7 @@ def _frame(tile: WorkingTile) -> _TileFrame:
     return _TileFrame(*first, tile.pixels_per_cell, grid.west, grid.north, grid.cell, float(2**tile.level))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def height_at(heights, row, col):
     """Height between cell centres, bilinear; NaN where a contributing cell has none, or outside."""
     # A neighbour of weight zero does not contribute: on a cell centre beside a gap the height is known.
@@ -104,7 +104,7 @@ def height_at(heights, row, col):
     return (1.0 - fr) * top + fr * bottom
 
 
-@njit(cache=True)
+@njit()
 def _resample(heights, image, stretch, view, frame, out):
     """`view` is `View.numbers`."""
     for i in range(out.shape[0]):

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.epipolar import EpipolarPair, GreyRange
 from orthomill.schemas.orientation import ExteriorOrientation
@@ -98,7 +98,7 @@ def resample_tile(
     return out
 
 
-@njit(cache=True)
+@njit()
 def _resample(image, source, n, origin, bicubic, out):
     """`n` is `EpipolarView.numbers`; `origin` holds row and column of the first pixel of `out` in the epipolar image."""
     for i in range(out.shape[0]):

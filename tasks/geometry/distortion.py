@@ -12,8 +12,8 @@ Source: Brown 1971; Kannala and Brandt 2006 (the fisheye, as in OpenCV); Claus a
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.camera import INTERIOR, Camera
 
 LENS = INTERIOR[3:]
@@ -43,7 +43,7 @@ class LensNumbers(NamedTuple):
     model: float
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def radial_factor(r2, n):
     """(factor, its derivative by r^2): how much longer the radius of an observed point is than that of its ideal one."""
     if n.model == BROWN:
@@ -66,7 +66,7 @@ def radial_factor(r2, n):
     return bent / r, (slope / (1.0 + r2) - bent / r) / (2.0 * r2)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def distort_brown(x, y, n):
     """As `distort_point`, of a lens of the model BROWN: without a branch, for loops over many points."""
     r2 = x * x + y * y
@@ -76,7 +76,7 @@ def distort_brown(x, y, n):
     return (1.0 + n.affinity) * xd + n.skew * yd, yd
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def distort_point(x, y, n):
     """Ideal to observed image coordinates, both in units of c (y up)."""
     r2 = x * x + y * y
@@ -92,7 +92,7 @@ def distort_point(x, y, n):
     return (1.0 + n.affinity) * xd + n.skew * yd, yd
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def distortion_slopes(x, y, n):
     """Derivatives of the observed coordinates by the ideal ones: x by x, x by y, y by x, y by y."""
     r2 = x * x + y * y
@@ -108,7 +108,7 @@ def distortion_slopes(x, y, n):
     return wide * xx + n.skew * yx, wide * xy + n.skew * yy, yx, yy
 
 
-@njit(cache=True)
+@njit()
 def lens_partials(x, y, n, out):
     """Derivatives `out` (2, 14) of the observed coordinates by the parameters in the order of LENS; 0 for those that the model
     lacks."""
@@ -148,7 +148,7 @@ def lens_partials(x, y, n, out):
     out[0, 5], out[0, 6] = (xd - n.skew * yd) / (1.0 + n.affinity), yd
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def undistort_point(xd, yd, n):
     """Observed to ideal image coordinates, in units of c (y up), by iteration until 1e-12 or 60 times.
 
@@ -173,7 +173,7 @@ def undistort_point(xd, yd, n):
     return _undistort_wide(xd, yd, n)
 
 
-@njit(cache=True)
+@njit()
 def _undistort_wide(xd, yd, n):
     """`undistort_point` of the models for wide lenses."""
     xo = (xd - n.skew * yd) / (1.0 + n.affinity)
@@ -220,19 +220,19 @@ def _undistort_wide(xd, yd, n):
     return x, y
 
 
-@njit(cache=True)
+@njit()
 def _distort_all(xy, lens, out):
     for i in range(xy.shape[0]):
         out[i, 0], out[i, 1] = distort_point(xy[i, 0], xy[i, 1], lens)
 
 
-@njit(cache=True)
+@njit()
 def _undistort_all(xy, lens, out):
     for i in range(xy.shape[0]):
         out[i, 0], out[i, 1] = undistort_point(xy[i, 0], xy[i, 1], lens)
 
 
-@njit(cache=True)
+@njit()
 def _slopes_all(xy, lens, slopes, partials):
     for i in range(xy.shape[0]):
         slopes[i, 0, 0], slopes[i, 0, 1], slopes[i, 1, 0], slopes[i, 1, 1] = distortion_slopes(xy[i, 0], xy[i, 1], lens)

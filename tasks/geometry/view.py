@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.distortion import (
@@ -128,7 +128,7 @@ class View:
         return ViewNumbers._make(map(float, values))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def project_point(n, x, y, z):
     """(col, row, depth) of a ground point; `n` is `View.numbers`. A depth <= 0 is behind the camera (col, row are then NaN)."""
     dx, dy, dz = x - n.xc, y - n.yc, z - n.zc
@@ -142,7 +142,7 @@ def project_point(n, x, y, z):
     return n.col0 + n.c * xd, n.row0 - n.c * yd, -w
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def framed_point(n, x, y, z, widest):
     """(col, row, depth, border) of a ground point in a photograph; `n` is `View.numbers`, `widest` the squared tangent of the
     largest field angle, `border`: px to the nearest border, negative or NaN outside."""
@@ -165,7 +165,7 @@ class FramedRow(NamedTuple):
     border: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def empty_row(count):
     """A `FramedRow` to be filled."""
     return FramedRow(np.empty(count), np.empty(count), np.empty(count), np.empty(count))
@@ -173,7 +173,7 @@ def empty_row(count):
 
 # A kernel that asks for one point after the other spends most of its time on branches: which lens, behind the camera, outside the
 # field of view. Here the lens is asked for once and nothing in the loop branches, so that compilers use vector instructions.
-@njit(cache=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@njit(error_model="numpy", fastmath={"contract"}, inline="always")
 def _fill_row(n, x, y, z, widest, brown, out):
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     dy = y - n.yc
@@ -192,7 +192,7 @@ def _fill_row(n, x, y, z, widest, brown, out):
         out.border[j] = border if inside else -1.0
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def frame_row(n, x, y, z, widest, out):
     """Fills `out` as `framed_point` would, several points at a time, for ground points x (N,), y, z (N,) m, NaN for no point;
     n is `View.numbers`, `widest` the squared tangent of the largest field angle."""
@@ -202,7 +202,7 @@ def frame_row(n, x, y, z, widest, out):
         _fill_row(n, x, y, z, widest, False, out)
 
 
-@njit(cache=True)
+@njit()
 def _frame(n, x, y, z, widest, out):
     line = empty_row(x.size)
     for i in range(y.size):

@@ -8,15 +8,16 @@ Source: Keys, "Cubic convolution interpolation for digital image processing", IE
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _clamped(i, n):
     return min(max(i, 0), n - 1)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def bilinear_at(image, row, col):
     """The value of `image` (rows, cols) at a fractional place."""
     r0, c0 = int(np.floor(row)), int(np.floor(col))
@@ -28,7 +29,7 @@ def bilinear_at(image, row, col):
     return top + fr * (bottom - top)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def bicubic_at(image, row, col):
     """The value of `image` (rows, cols) at a fractional place, from 4 x 4 pixels; may overshoot the pixels' range."""
     r0, c0 = int(np.floor(row)), int(np.floor(col))

@@ -5,10 +5,11 @@ leave the image, the border pixels are repeated.
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _keys(t):
     t = abs(t)
     if t < 1.0:
@@ -18,7 +19,7 @@ def _keys(t):
     return 0.0
 
 
-@njit(cache=True)
+@njit()
 def _cubic(image, pixels, out):
     rows, cols, bands = image.shape
     for i in range(pixels.shape[0]):

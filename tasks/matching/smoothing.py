@@ -7,7 +7,8 @@ Smoothing both images with sigma 0.8 px is the largest single gain of least-squa
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 
 def gaussian_weights(sigma: float) -> np.ndarray:
@@ -40,7 +41,7 @@ def smoothed(grey: np.ndarray, sigma: float) -> np.ndarray:
     return _smooth(grey, gaussian_weights(sigma))
 
 
-@njit(cache=True)
+@njit()
 def _gaps_marked(grey):
     out = np.empty(grey.shape, np.float32)
     for r in range(grey.shape[0]):
@@ -51,7 +52,7 @@ def _gaps_marked(grey):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _smooth(grey, weights):
     """Along the rows into a ring buffer of as many rows as there are weights, and from there along the columns."""
     rows, cols = grey.shape

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.geometry.distortion import undistort_point
@@ -129,7 +129,7 @@ def _detail_octaves(view: View, grid: MapGrid) -> int:
     return int(np.clip(np.floor(np.log2(grid.cell / ground_pixel)), 0, 3))
 
 
-@njit(cache=True)
+@njit()
 def _object_keys(material, building):
     """(int32 key of the object that each cell belongs to, whether a cell has a neighbour that belongs to another one)."""
     rows, cols = material.shape
@@ -148,7 +148,7 @@ def _object_keys(material, building):
     return keys, mixed_cells
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _top_colour(paint, row, col, fu, fv, out):
     """Sets `out` to the colour at (fu, fv) of the window (cell corners), interpolated among cells of the object of (row, col)."""
     colours, keys = paint.colours, paint.keys
@@ -184,7 +184,7 @@ def _top_colour(paint, row, col, fu, fv, out):
         )
 
 
-@njit(cache=True)
+@njit()
 def _wall_colour(house, number, seed, x, y, below_top, out):
     """Plaster of the house with rows of windows; lit by the sun according to the direction of the wall."""
     cos, sin = house[HouseColumn.COS], house[HouseColumn.SIN]
@@ -209,7 +209,7 @@ def _wall_colour(house, number, seed, x, y, below_top, out):
     out[2] = np.float32(min((plaster - warm) * light, 250.0))
 
 
-@njit(cache=True)
+@njit()
 def _leaf(aloft, u, v, z, row, col, top, out):
     """Sets `out` to the colour of the leaves that a ray met at (u, v) of the grid and height z, in the cell (row, col)."""
     k, x, y = aloft.number[row, col] - 1, aloft.west + u * aloft.cell, aloft.north - v * aloft.cell
@@ -217,7 +217,7 @@ def _leaf(aloft, u, v, z, row, col, top, out):
     leaf_colour(aloft.stand, k, aloft.seed, (x, y, z), top, brightness, out)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _add_detail(frame, u, v, colour):
     """Multiplies a colour by noise finer than the cells of the scene."""
     factor = np.float32(1.0)
@@ -230,7 +230,7 @@ def _add_detail(frame, u, v, colour):
         colour[band] *= factor
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _sight(n, frame, row, col):
     """Image coordinates (over c) of a pixel, without distortion."""
     x = (frame.col + col - n.col0) / n.c
@@ -239,7 +239,7 @@ def _sight(n, frame, row, col):
     return undistort_point(x, y, n)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _slope(n, frame, x, y, part):
     """Columns and rows that ray number `part` of a pixel goes per metre of depth."""
     xs = x + (_SUBPIXEL if part & 1 else -_SUBPIXEL) / n.c
@@ -250,7 +250,7 @@ def _slope(n, frame, x, y, part):
     return dx / -dz / frame.cell, -dy / -dz / frame.cell
 
 
-@njit(cache=True)
+@njit()
 def _side_colour(frame, columns, paint, r, c, u, v, z, out):
     """Sets `out` to the colour of the side of the column (r, c) of the window, at (u, v, z)."""
     key = paint.keys[r, c]
@@ -263,7 +263,7 @@ def _side_colour(frame, columns, paint, r, c, u, v, z, out):
         out[band] = np.float32(0.55) * paint.colours[r, c, band]
 
 
-@njit(cache=True)
+@njit()
 def _cast(out, n, frame, columns, paint, number, left):
     """Fills `out`; `n` is `View.numbers`. Rays that meet a cell with a `number` (as in `Aloft`) are left: bits in `left`."""
     cell, hollow = frame.cell, number.shape[0] > 0
@@ -297,7 +297,7 @@ def _cast(out, n, frame, columns, paint, number, left):
                     out[row, col, band] += np.float32(0.25) * colour[band]
 
 
-@njit(cache=True)
+@njit()
 def _cast_aloft(out, n, frame, columns, paint, aloft, left):
     """Adds the rays that `_cast` has left: through crowns and below wires."""
     # A kernel of its own: few rays come here, and what they need would slow down all others.
@@ -341,7 +341,7 @@ def blur(light: np.ndarray, sigma: float) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@njit()
 def _blur(light, weights, out):
     """Separable, in a fixed order of additions."""
     # OpenCV's filters add in an order that depends on the width of the image: tiles would differ in the last bit.
@@ -373,7 +373,7 @@ def expose(light: np.ndarray, film: Film, view: View, pixels: Window) -> np.ndar
     return out
 
 
-@njit(cache=True)
+@njit()
 def _expose(light, out, gain, optics, corner, seed):
     """Fills `out`; `corner`: row and column of its first pixel in the photo."""
     for row in range(out.shape[0]):

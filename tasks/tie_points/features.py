@@ -22,9 +22,6 @@ from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, FeatureTables, Values
 
-# Dask runs one job per core; OpenCV's own threads would only compete with them.
-cv2.setNumThreads(1)
-
 HALO = 96
 """px of the level: 5.3 times the largest diameter, rounded up to a multiple of 16"""
 SEARCHED = 800

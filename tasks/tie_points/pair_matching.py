@@ -19,9 +19,6 @@ from orthomill.tasks.geometry.distortion import pixel_to_image
 from orthomill.tasks.tie_points.descriptor_search import matches_along_lines, mutual_matches
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, MatchedPair, PairMatches, PairSummary, Scatter, Values
 
-# Dask runs one job per core; OpenCV's own threads would only compete with them.
-cv2.setNumThreads(1)
-
 # The largest features of each photograph, the most repeatable ones, give the approximate epipolar geometry,
 _FIRST = 2000
 # if this many of their matches agree with it (beyond the rule of Brown & Lowe): a wrong geometry would hide all good matches.

@@ -18,13 +18,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View
-
-# Dask runs one job per core; OpenCV's own threads would only compete with them.
-cv2.setNumThreads(1)
 
 BLOCK, FINE_BLOCK = 16, 4
 """Side of the blocks whose greatest height lets a ray skip them, cells: large ones, and small ones for the first steps."""
@@ -72,7 +69,7 @@ class CentrePlace(NamedTuple):
     z: float
 
 
-@njit(cache=True)
+@njit()
 def _sweep(heights, gap, downwards, total, weights):
     """Adds, for every hole, the nearest heights of four of its eight directions: those behind a sweep over rows and columns.
 
@@ -128,7 +125,7 @@ def bridge_holes(heights: np.ndarray, gap: int) -> np.ndarray:
         return np.where(holes, total / weights, heights).astype(np.float32)
 
 
-@njit(cache=True)
+@njit()
 def _block_maxima(heights, side, out):
     """Raises `out`, -inf at first, to the greatest heights of blocks of `side` x `side` cells."""
     rows, cols = heights.shape
@@ -151,7 +148,7 @@ def _ceiling(heights: np.ndarray, side: int) -> np.ndarray:
     return cv2.dilate(blocks, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_REPLICATE)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _surface_between(a, b, share, wall):
     """Height between two cells: linear, but the nearer one's on either side of a wall; the other one's next to a hole."""
     if np.isnan(a):
@@ -163,7 +160,7 @@ def _surface_between(a, b, share, wall):
     return a + share * (b - a)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _surface_at(terrain, y, x, by_row):
     """Height at a point of the march, where the coordinate along the march is an integer; NaN outside."""
     heights, wall = terrain.heights, terrain.wall
@@ -181,7 +178,7 @@ def _surface_at(terrain, y, x, by_row):
     return _surface_between(heights[max(r, 0), c], heights[min(r + 1, height - 1), c], y - low, wall)
 
 
-@njit(cache=True)
+@njit()
 def _is_free(terrain, row, col, z, start, centre):
     """Whether the surface leaves the ray free that rises from the target (row, col, z) m at the height `start` to the centre."""
     height, width = terrain.heights.shape
@@ -221,7 +218,7 @@ def _is_free(terrain, row, col, z, start, centre):
     return True
 
 
-@njit(cache=True)
+@njit()
 def march_row(terrain, centre, row, cols, z, slope, tolerance, asked, answer, out):
     """Changes `out` (C,) from `asked` to `answer` at those targets of a row that the centre sees; row and cols (C,) in cells of the
     whole model, z (C,) m, slope (C,) and tolerance as in `visible_targets`."""
@@ -235,7 +232,7 @@ def march_row(terrain, centre, row, cols, z, slope, tolerance, asked, answer, ou
             out[j] = answer
 
 
-@njit(cache=True)
+@njit()
 def _march(terrain, centre, rows, cols, z, slope, tolerance, out):
     """Sets `out` to 1 at the targets that the centre sees."""
     for i in range(rows.size):
@@ -276,7 +273,7 @@ def visible_targets(model: HeightModel, view: View, targets: Targets, tolerance:
     return out
 
 
-@njit(cache=True)
+@njit()
 def _by_distance(hidden, table, out):
     """Sets `out` to what `table` has for the squared distance (px^2) from the nearest hidden pixel; its last value serves for all
     farther ones."""

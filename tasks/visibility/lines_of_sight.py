@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.geometry.view import FIELD_MARGIN, View, empty_row, frame_row
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, centre_of, march_row
 from orthomill.tasks.visibility.sight import PlaceSight
@@ -39,7 +39,7 @@ class _PlaceRows(NamedTuple):
     tolerance: float
 
 
-@njit(cache=True)
+@njit()
 def _look(n, widest, centre, surface, certain, places, out):
     """Fills the codes `out` (R, C) without regard to breaks; surface, certain: terrains of all heights and of those that hide for
     certain."""

@@ -14,8 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.geometry.view import FIELD_MARGIN, View, framed_point
 from orthomill.tasks.visibility.output_frame import ORIGIN
 from orthomill.tasks.visibility.scanline import NearestTriangles, central_projection
@@ -65,7 +65,7 @@ class MeshPlaces:
         return out
 
 
-@njit(cache=True)
+@njit()
 def _place(n, points, widest, own):
     """Takes their triangles from points that are not in the frame of the view `n`."""
     for i in range(own.size):
@@ -73,12 +73,12 @@ def _place(n, points, widest, own):
             own[i] = -1
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _corner(corners, at, k):
     return np.float64(corners[at, k, 0]), np.float64(corners[at, k, 1]), np.float64(corners[at, k, 2])
 
 
-@njit(cache=True)
+@njit()
 def _met(corners, at, centre, dx, dy, dz):
     """Share of the way from the centre along (dx, dy, dz) at which a triangle is met; -1 without (Moeller, Trumbore 1997)."""
     ax, ay, az = _corner(corners, at, 0)
@@ -99,7 +99,7 @@ def _met(corners, at, centre, dx, dy, dz):
     return (vx * qx + vy * qy + vz * qz) / det
 
 
-@njit(cache=True)
+@njit()
 def _see(points, own, m, centre, nearness, triangle, corner, places, corners, limits, facing, out):
     height, width = nearness.shape
     for i in range(points.shape[0]):

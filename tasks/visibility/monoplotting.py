@@ -14,8 +14,8 @@ Source: Karfis 2009 (sources/epipolar.md#monoplotting).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
@@ -51,7 +51,7 @@ def first_points(view: View, pixels: np.ndarray, surface: SurfaceHeights) -> np.
     return out
 
 
-@njit(cache=True)
+@njit()
 def _height(heights, corner, x, y):
     """Bilinear between the four cell centres around; NaN beyond them or at a hole."""
     c, r = (x - corner[0]) / corner[2] - 0.5, (corner[1] - y) / corner[2] - 0.5
@@ -65,7 +65,7 @@ def _height(heights, corner, x, y):
     return upper * (1 - v) + lower * v
 
 
-@njit(cache=True)
+@njit()
 def follow_rays(centre, directions, heights, corner, low, high, out):
     """Fill out (N, 3) with the first points of `heights` on rays from `centre` along unit `directions` (N, 3).
 

@@ -17,8 +17,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.view import View
 
@@ -93,7 +93,7 @@ def add_projected(raster: NearestTriangles, corners: np.ndarray, numbers: np.nda
     _fill_parallel(flat, triangles, np.ascontiguousarray(numbers, np.int32), corner, raster.nearness, raster.triangle)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _project(points, m, out):
     # No matrix product of a library: its rounding depends on the number of points.
     for i in range(points.shape[0]):
@@ -102,7 +102,7 @@ def _project(points, m, out):
             out[i, k] = m[k, 0] * x + m[k, 1] * y + m[k, 2] * z + m[k, 3]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _scan(xa, ya, na, xb, yb, nb, xc, yc, nc, number, corner, nearness, triangle):
     """Fills one triangle, its vertices given as (col, row, nearness)."""
     row0, col0 = corner
@@ -155,7 +155,7 @@ def _scan(xa, ya, na, xb, yb, nb, xc, yc, nc, number, corner, nearness, triangle
                 triangle[i, j] = number
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _fill_parallel(p, triangles, numbers, corner, nearness, triangle):
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -165,7 +165,7 @@ def _fill_parallel(p, triangles, numbers, corner, nearness, triangle):
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _fill_central(p, triangles, numbers, corner, nearness, triangle):
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
@@ -184,7 +184,7 @@ def _fill_central(p, triangles, numbers, corner, nearness, triangle):
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _fill_cut(p, a, b, c, front, number, corner, nearness, triangle):
     """Fills the part of a triangle that is deeper than `front`: three or four corners."""
     kept = np.empty((4, 3))

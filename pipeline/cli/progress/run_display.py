@@ -1,12 +1,11 @@
 """The progress of a run as one context: costs are counted once, map and terminal tell the same, and the next run knows them."""
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from rich.console import Console
 
+from orthomill.kernels.kernel_cache import kernels_are_kept
 from orthomill.pipeline.cli.progress.progress_lines import ProgressLines
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.runner import Runner
@@ -27,7 +26,7 @@ def run_display(
     known = expectations(session.folder, megapixels, tile)
     # One job after another is one worker, however many were asked for.
     shared = workers if runner.dashboard else 1
-    model = CostModel(tuple(titles), shared, known, cold=not kernels_are_cached(), specs=session.graph.specs)
+    model = CostModel(tuple(titles), shared, known, cold=not kernels_are_kept(), specs=session.graph.specs)
     try:
         with live_map(session, runner, model, announce) as tiles, ProgressLines(titles, model, console, as_json) as lines:
             yield Watchers((model, tiles, lines))
@@ -35,9 +34,3 @@ def run_display(
         # Nothing could be reduced to the pixels of another run without those of this one.
         if megapixels:
             write_costs(session.folder, RunCosts(megapixels, tile, model.costs(), model.grids))
-
-
-def kernels_are_cached() -> bool:
-    """Whether any compiled kernel waits in the cache."""
-    folder = os.environ.get("NUMBA_CACHE_DIR")
-    return folder is not None and next(Path(folder).rglob("*.nbc"), None) is not None

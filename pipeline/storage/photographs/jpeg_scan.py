@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 SEQUENTIAL = frozenset({0xC0, 0xC1})
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -162,7 +163,7 @@ def _largest_dc(step: int) -> int:
     return (1024 + 32) // max(step, 1) + 2
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _follow(data, start, codes, blocks, limits, units, restart):
     """Follows the codes of a scan. codes (2 components, 65536): DC and AC of each; blocks: component of each block of a unit.
     Returns the fault and the number of the unit in which it shows."""

@@ -4,8 +4,8 @@ Rotations are corrected from the left, R <- exp([w]x) R, so that with u = R (P -
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.camera import INTERIOR
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.geometry.distortion import LensNumbers, distort_point, distortion_slopes, lens_partials
@@ -18,12 +18,12 @@ BEHIND = 1.0e5
 ROTATION, EXTERIOR = 3, 6
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _lens(n, model):
     return LensNumbers(n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16], model)
 
 
-@njit(cache=True)
+@njit()
 def _residuals(photo, point, xy, rotation, centre, points, interior, models):
     out = np.empty((len(photo), 2))
     for i in range(len(photo)):
@@ -43,7 +43,7 @@ def _residuals(photo, point, xy, rotation, centre, points, interior, models):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _derivatives(photo, point, rotation, centre, points, interior, models, wanted):
     jg = np.zeros((len(photo), 2, EXTERIOR + len(wanted)))
     jp = np.zeros((len(photo), 2, 3))

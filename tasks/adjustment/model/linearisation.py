@@ -6,9 +6,9 @@ Derivatives are stored ray by ray; the unknowns that they belong to are the same
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array, vstack
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.model.collinearity import EXTERIOR, derivatives, residuals
 from orthomill.tasks.adjustment.model.network import Network, Rays, State, ray_columns
 from orthomill.tasks.adjustment.sparse.block_cholesky import Structure, structure_of
@@ -86,7 +86,7 @@ def _frames(state: State, rays: Rays, surveyed: np.ndarray) -> np.ndarray:
     return frames
 
 
-@njit(cache=True)
+@njit()
 def _turn(jp, point, frame):
     """Turns derivatives by the point in the world into those in its frame, in place."""
     for i in range(len(jp)):
@@ -130,7 +130,7 @@ def _cliques(linear: Linear, start: np.ndarray) -> csr_array:
     return csr_array((np.ones(len(members), np.int32), members, first), shape=(len(linear.first) - 1, len(start) - 1))
 
 
-@njit(cache=True)
+@njit()
 def _touched(first, row, groups, count):
     """The groups of every point, point after point, and where those of each point begin."""
     mark = np.full(count, -1)

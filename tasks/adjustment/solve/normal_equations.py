@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.model.linearisation import Linear, seen_pattern
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern, summed
 
@@ -46,7 +46,7 @@ class Cross(NamedTuple):
     Z: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _invert(V, out):
     """Inverse of a symmetric 3 x 3 matrix; zero (a point that does not move) where it is singular."""
     c00 = V[1, 1] * V[2, 2] - V[1, 2] * V[1, 2]
@@ -63,7 +63,7 @@ def _invert(V, out):
     out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
 
 
-@njit(cache=True)
+@njit()
 def _point_block(point, linear, damping, V, right):
     """Writes the damped block V (3, 3) of a point and its right-hand side (3,), prior information included."""
     V[:] = 0.0
@@ -80,7 +80,7 @@ def _point_block(point, linear, damping, V, right):
         V[a, a] *= 1.0 + damping
 
 
-@njit(cache=True)
+@njit()
 def _no_cross(linear, start):
     """An empty `Cross` with room for the point that is connected with most unknowns; every group begins at start[g]."""
     longest, width = 0, 0
@@ -93,7 +93,7 @@ def _no_cross(linear, start):
     return Cross(np.full(groups, -1), np.empty(groups, np.int64), np.empty((3, most)), np.empty((3, most)))
 
 
-@njit(cache=True)
+@njit()
 def _merge(point, linear, pattern, cross):
     """Fills groups, places and W with those of a point; `place` has to be -1 everywhere. Returns the number of groups and m."""
     count, m = 0, 0
@@ -117,7 +117,7 @@ def _merge(point, linear, pattern, cross):
     return count, m
 
 
-@njit(cache=True)
+@njit()
 def _carry(inverse, cross, m):
     """Z = V^-1 W in the first m columns."""
     for b in range(3):
@@ -125,14 +125,14 @@ def _carry(inverse, cross, m):
             cross.Z[b, a] = inverse[b, 0] * cross.W[0, a] + inverse[b, 1] * cross.W[1, a] + inverse[b, 2] * cross.W[2, a]
 
 
-@njit(cache=True)
+@njit()
 def _clear(cross, count):
     """Resets the places of the first `count` groups: a fill of all groups for every point would cost (points x groups)."""
     for n in range(count):
         cross.place[cross.groups[n]] = -1
 
 
-@njit(cache=True)
+@njit()
 def _direct(linear):
     """The part of the rays without regard to their points: normal matrices (T, k, k) and right-hand sides (T, k)."""
     k = linear.columns.shape[1]
@@ -147,7 +147,7 @@ def _direct(linear):
     return normal, right
 
 
-@njit(cache=True)
+@njit()
 def _eliminate(linear, pattern, damping, values, right):
     """Subtracts the contributions W' V^-1 W and W' V^-1 v of the points from the normal matrix and the right-hand side."""
     V, inverse, v, y = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
@@ -173,7 +173,7 @@ def _eliminate(linear, pattern, damping, values, right):
         _clear(cross, count)
 
 
-@njit(cache=True)
+@njit()
 def _subtract_row(g, pattern, cross, values):
     """Subtracts W' Z from the blocks of group g with the groups of the point."""
     W, Z, at = cross.W, cross.Z, cross.place[g]
@@ -188,7 +188,7 @@ def _subtract_row(g, pattern, cross, values):
                 values[base + b] -= z0 * W[0, other + b] + z1 * W[1, other + b] + z2 * W[2, other + b]
 
 
-@njit(cache=True)
+@njit()
 def _back(linear, damping, correction):
     """Back substitution: corrections (N, 3) of the points in their frames, V^-1 (v - W x)."""
     out = np.zeros((len(linear.first) - 1, 3))
@@ -211,7 +211,7 @@ def _back(linear, damping, correction):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _promised(linear, correction, local):
     """The residuals (M, 2) less what corrections (n,) and those of the points in their frames, `local` (N, 3), explain of them."""
     out = np.empty((len(linear.row), 2))
@@ -228,7 +228,7 @@ def _promised(linear, correction, local):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _precision(linear, pattern, values, direct):
     """Covariances (N, 3, 3) of the points in their frames and variances (M, 2) of the computed image coordinates; `values` hold the
     covariance of the other unknowns, `direct` (T, k, k) its parts at linear.columns."""
@@ -259,7 +259,7 @@ def _precision(linear, pattern, values, direct):
     return points, adjusted
 
 
-@njit(cache=True)
+@njit()
 def _multiply(pattern, values, cross, size, QZ):
     """QZ (3, m) = Z Q over the `size` = (count, m) groups of a point; only the upper half of Q is stored."""
     count, m = size
@@ -286,7 +286,7 @@ def _multiply(pattern, values, cross, size, QZ):
                             QZ[d, other + b] += values[base + b] * z
 
 
-@njit(cache=True)
+@njit()
 def _adjusted_variance(i, n, linear, direct, pattern, place, of_point):
     """Variance of coordinate n of ray i as computed from the adjusted unknowns: A Q A' + 2 A Q_xp B' + B Q_pp B', with the
     covariance `of_point` = (Q_pp, -Q_px) and Q_xp = -(QZ)'."""

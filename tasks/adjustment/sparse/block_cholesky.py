@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 from orthomill.tasks.adjustment.sparse.dissection import dissected
 from orthomill.tasks.adjustment.sparse.front_kernels import backward, eliminate, forward, take_product
@@ -170,7 +170,7 @@ def _inverted(U: np.ndarray, above: np.ndarray) -> np.ndarray:
     return Z
 
 
-@njit(cache=True)
+@njit()
 def _join(F, place, rest):
     """Adds the contribution `rest` of a front below, upper half, at its places in F."""
     for a in range(len(place)):
@@ -179,7 +179,7 @@ def _join(F, place, rest):
             F[min(place[a], place[b]), max(place[a], place[b])] += rest[a, b]
 
 
-@njit(cache=True)
+@njit()
 def _places(pattern, step):
     """Where the groups of a front begin in it; -1 for all others."""
     place = np.full(len(pattern.first) - 1, -1)
@@ -188,7 +188,7 @@ def _places(pattern, step):
     return place
 
 
-@njit(cache=True)
+@njit()
 def _put(pattern, rows, step, values, F):
     """Writes the blocks of a front to their places in its upper half."""
     place = _places(pattern, step)
@@ -203,7 +203,7 @@ def _put(pattern, rows, step, values, F):
                     F[min(a, b), max(a, b)] = values[pattern.offset[s] + i * width + j]
 
 
-@njit(cache=True)
+@njit()
 def _take(pattern, rows, step, Z, values):
     """Reads the blocks of a front from their places in it."""
     place = _places(pattern, step)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csr_array, eye_array, triu
+
+from orthomill.kernels.kernel_compilation import njit
 
 
 class Pattern(NamedTuple):
@@ -117,7 +118,7 @@ def summed(columns: np.ndarray, parts: np.ndarray, unknowns: int) -> np.ndarray:
     return np.bincount(columns[there], parts[there], minlength=unknowns)
 
 
-@njit(cache=True)
+@njit()
 def _block(pattern, g, h):
     """The number of the block of groups g <= h, -1 where there is none."""
     # Partners are in ascending order: bisection, because cameras have a block with every photograph.
@@ -131,14 +132,14 @@ def _block(pattern, g, h):
     return low if low < pattern.first[g + 1] and pattern.partner[low] == h else -1
 
 
-@njit(cache=True)
+@njit()
 def _position(pattern, s, row, column):
     """Where block s holds the value at the unknowns `row` and `column`."""
     width = pattern.start[pattern.partner[s] + 1] - pattern.start[pattern.partner[s]]
     return pattern.offset[s] + (row - pattern.start[pattern.owner[row]]) * width + column - pattern.start[pattern.partner[s]]
 
 
-@njit(cache=True)
+@njit()
 def _add(pattern, values, columns, pieces):
     for t in range(len(columns)):
         for a in range(columns.shape[1]):
@@ -157,7 +158,7 @@ def _add(pattern, values, columns, pieces):
                 values[_position(pattern, s, ca, cb)] += pieces[t, a, b]
 
 
-@njit(cache=True)
+@njit()
 def _pieces(pattern, values, columns):
     k = columns.shape[1]
     out = np.zeros((len(columns), k, k))
@@ -174,7 +175,7 @@ def _pieces(pattern, values, columns):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _read(pattern, values, dense):
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
@@ -185,7 +186,7 @@ def _read(pattern, values, dense):
                     at += 1
 
 
-@njit(cache=True)
+@njit()
 def _add_product(pattern, values, left, right):
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
@@ -199,7 +200,7 @@ def _add_product(pattern, values, left, right):
                     at += 1
 
 
-@njit(cache=True)
+@njit()
 def _scale(pattern, values, scale):
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
@@ -210,7 +211,7 @@ def _scale(pattern, values, scale):
                     at += 1
 
 
-@njit(cache=True)
+@njit()
 def _times(pattern, values, vectors):
     out = np.zeros(vectors.shape)
     for g in range(len(pattern.first) - 1):

@@ -5,14 +5,15 @@ threads that a library uses, as LAPACK's do. Runs on different machines therefor
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 # Eight rows fit the vector registers, and the target is read and written once for all of them: the sweep is bound by memory.
 SWEEP = 8
 """Rows that are subtracted in one sweep; `_less_eight` is written for this number."""
 
 
-@njit(cache=True)
+@njit()
 def _less_eight(target, begin, f, rows):
     """Subtracts the products of eight factors `f` (8,) with eight `rows` (8, m) from the `target` (m,), from column `begin` on."""
     # Scalars of their own: the compiler cannot know that writing the target leaves the factors unchanged.
@@ -25,7 +26,7 @@ def _less_eight(target, begin, f, rows):
         target[j] -= low + high
 
 
-@njit(cache=True)
+@njit()
 def _less_rows(target, begin, f, rows):
     """Subtracts `f` (k,) times `rows` (k, m) from the `target` (m,), from column `begin` on."""
     whole = len(f) - len(f) % SWEEP
@@ -36,7 +37,7 @@ def _less_rows(target, begin, f, rows):
             target[j] -= f[k] * rows[k, j]
 
 
-@njit(cache=True)
+@njit()
 def eliminate(F, own):
     """Cholesky's elimination of the first `own` unknowns of a symmetric F (m, m), in place, upper half: the first rows become those
     of U, the rest becomes the Schur complement. False where F is not positive definite."""
@@ -55,7 +56,7 @@ def eliminate(F, own):
     return True
 
 
-@njit(cache=True)
+@njit()
 def forward(U, X):
     """Forward substitution U'^-1 X of the own unknowns, in place; U (s, m), X (m, c). The rows of the boundary are reduced."""
     for k in range(len(U)):
@@ -66,7 +67,7 @@ def forward(U, X):
                 X[j, c] -= U[k, j] * X[k, c]
 
 
-@njit(cache=True)
+@njit()
 def backward(U, X):
     """Back substitution U^-1 X of the own unknowns, in place; U (s, m), X (m, c), whose rows of the boundary are known."""
     for k in range(len(U) - 1, -1, -1):
@@ -75,7 +76,7 @@ def backward(U, X):
             X[k, c] /= U[k, k]
 
 
-@njit(cache=True)
+@njit()
 def take_product(C, A, B):
     """C -= A B."""
     for i in range(len(C)):

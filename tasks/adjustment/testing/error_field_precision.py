@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array, eye_array, hstack, kron
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.solve.normal_equations import point_precision, point_precision_alone
@@ -124,7 +124,7 @@ def _pulls(linear: Linear, rays: Rays, camera_of: np.ndarray, basis: np.ndarray,
     return linear.frame @ square @ linear.frame.swapaxes(1, 2)
 
 
-@njit(cache=True)
+@njit()
 def _quadratic_form(rays, effects):
     """(N, 3, 3): the quadratic form of what unit coefficients do to the right-hand sides of the points, without that of the
     unknowns alone."""
@@ -147,7 +147,7 @@ def _quadratic_form(rays, effects):
     return points
 
 
-@njit(cache=True)
+@njit()
 def _mixed(rays, effects, pair, block):
     """Covariance `block` (2, 2) px^2 of ray i as computed from the unknowns, with the field at ray j; `pair` = (i, j)."""
     i, j = pair
@@ -168,7 +168,7 @@ def _mixed(rays, effects, pair, block):
                 block[m, n] += rays.jg[i, m, a] * along
 
 
-@njit(cache=True)
+@njit()
 def _row_of(effects, photo, unknown):
     """The row of `alone` with the effect of a photograph on an unknown; -1 where they have no point in common."""
     last = effects.first[photo + 1]
@@ -176,7 +176,7 @@ def _row_of(effects, photo, unknown):
     return row if row < last and effects.unknown[row] == unknown else -1
 
 
-@njit(cache=True)
+@njit()
 def _direct_covariance(rays, effects, i, j):
     """Covariance, px^2, of the fields at two rays, the same in x and y; fields of different cameras are independent."""
     direct = 0.0

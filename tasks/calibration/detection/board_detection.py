@@ -26,9 +26,6 @@ from orthomill.tasks.calibration.detection.saddles import contrast, refined, sig
 from orthomill.tasks.imagery.pyramid import full_to_level, halved_shape, halved_window, level_to_full, source_window
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 
-# The engine runs one job per core; threads of OpenCV would compete with the other jobs.
-cv2.setNumThreads(1)
-
 _SEARCH = cv2.CALIB_CB_EXHAUSTIVE
 COARSE_SIDE = 450
 """Longer side in px of the image in which boards are searched first."""

@@ -8,9 +8,6 @@ the four squares around it: opposite ones are alike, adjacent ones are not.
 import cv2
 import numpy as np
 
-# The engine runs one job per core; threads of OpenCV would compete with the other jobs.
-cv2.setNumThreads(1)
-
 _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
 _LARGEST_HALF_WINDOW = 11
 """px: larger windows add little precision, but let edges that distortion bends bias the corner."""

@@ -5,8 +5,9 @@ photo's middle in half diagonals; or a curve for each channel.
 """
 
 import numpy as np
-from numba import njit
 from pydantic import BaseModel, ConfigDict
+
+from orthomill.kernels.kernel_compilation import njit
 
 
 class GreyCurve(BaseModel):
@@ -83,7 +84,7 @@ def _along(grey: np.ndarray, curve: GreyCurve) -> np.ndarray:
     return np.asarray(np.interp(inside, curve.start, curve.end) + (grey - inside), np.float32)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def correct(grey, r2, terms):
     """Corrects grey (N, bands) in place; terms: see `correction_terms`."""
     if grey.shape[1] == 3:
@@ -92,7 +93,7 @@ def correct(grey, r2, terms):
         _correct_bands(grey, r2, terms, grey.shape[1])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _correct_bands(grey, r2, terms, bands):
     one = np.float32(1.0)
     for i in range(r2.size):

@@ -13,10 +13,10 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry, corrected
 from orthomill.tasks.colouring.balance.shared_ground import Samples, grouped, pair_differences, usable_samples
 
@@ -58,7 +58,7 @@ class _Channel:
         return found
 
 
-@njit(cache=True)
+@njit()
 def _mark_pairs(first, photo, found):
     for p in range(first.size - 1):
         for k in range(first[p], first[p + 1]):
@@ -132,7 +132,7 @@ class _NormalSums(NamedTuple):
     ground_right: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _compare(first, photo, r2, g, ground, a, slope, residual):
     """Fills slope and residual (N,) at the parameters a (photos, 4)."""
     for p in range(first.size - 1):
@@ -142,7 +142,7 @@ def _compare(first, photo, r2, g, ground, a, slope, residual):
             residual[k] = g[k] - slope[k] * ground[p] - own[3]
 
 
-@njit(cache=True)
+@njit()
 def _add_points(first, photo, r2, ground, fit, place, sums):
     """Adds the normal equations of all points, each without its brightness; place (photos, photos): number of a pair's block."""
     design = np.empty(TERMS)

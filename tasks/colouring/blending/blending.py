@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.colouring.blending.rejection import CENTRES, PUBLISHED, Centre, Rejection, reject
 
 RESERVE = 0.01
@@ -99,7 +99,7 @@ class _Row(NamedTuple):
     odd: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _prefer_heavier(values, weight, two_limit, keep):
     """Drops the lighter of two values (2, bands) that differ by more than `two_limit`; returns how many are left (M9)."""
     bands = values.shape[1]
@@ -112,7 +112,7 @@ def _prefer_heavier(values, weight, two_limit, keep):
     return 1
 
 
-@njit(cache=True)
+@njit()
 def _drop_broken(values, photo, broken, i, j, two_limit, keep):
     """Drops the one of two values (2, bands) that differ by more than `two_limit` whose photo alone sees the place at a break of
     the depth; returns how many are left (M9)."""
@@ -127,7 +127,7 @@ def _drop_broken(values, photo, broken, i, j, two_limit, keep):
     return 1
 
 
-@njit(cache=True)
+@njit()
 def _keep_best(weight, count, left, best, keep):
     """Drops the lightest of the kept values until `best` are left; returns how many are left (M13)."""
     while left > best:
@@ -140,7 +140,7 @@ def _keep_best(weight, count, left, best, keep):
     return left
 
 
-@njit(cache=True)
+@njit()
 def _average(values, weight, count, keep, colour):
     """Fills `colour` (bands) with the weighted mean of the kept values; returns the sum of weights and of absolute differences."""
     bands = values.shape[1]
@@ -162,7 +162,7 @@ def _average(values, weight, count, keep, colour):
     return total, apart
 
 
-@njit(cache=True)
+@njit()
 def _blend_pixel(colours, weights, broken, i, j, greatest, rules, images, values, work):
     """Blends one pixel by all the rules; `greatest`: its greatest weight."""
     photos, _, _, bands = colours.shape
@@ -194,7 +194,7 @@ def _blend_pixel(colours, weights, broken, i, j, greatest, rules, images, values
         images.difference[i, j] = apart / (left * bands)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _average_row(colours, weights, i, power, bands, row, seen):
     """Fills `row` for the pixels of row i as if no value were rejected, and counts the photos that see them."""
     photos, cols = weights.shape[0], weights.shape[2]
@@ -235,7 +235,7 @@ def _average_row(colours, weights, i, power, bands, row, seen):
             row.apart[j] += apart if keep else zero
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _tell_row(row, images, i, bands):
     """Writes the pixels of row i as if no value were rejected."""
     # One plain loop for each array: what several of them write could overlap, and would be computed pixel by pixel.
@@ -251,7 +251,7 @@ def _tell_row(row, images, i, bands):
         )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _find_odd(row, rules, bands):
     """Marks in `row.odd` the pixels that a rule changes, or may change, and turns the total weights of the others into inverse
     ones; 0 for those without any."""
@@ -268,7 +268,7 @@ def _find_odd(row, rules, bands):
         row.total[j] = one / row.total[j] if (row.total[j] > zero) & (row.odd[j] == 0) else zero
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _plain_row(colours, weights, i, rules, row, images):
     """Blends the pixels of row i as if no value were rejected."""
     # The number of bands is written out, so that the compiler sees the few loops over them as one block.
@@ -283,7 +283,7 @@ def _plain_row(colours, weights, i, rules, row, images):
 
 
 # The order of a sum of shares is free, so that many of them are added at a time.
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@njit(error_model="numpy", fastmath={"reassoc", "contract"})
 def _share(weight, row, power):
     """The sum over a row of pixels of a photo's part in the colour; row.total: the inverse total weight, 0 where it has none."""
     share, least, zero = np.float32(0.0), np.float32(RESERVE), np.float32(0.0)
@@ -293,7 +293,7 @@ def _share(weight, row, power):
     return share
 
 
-@njit(cache=True)
+@njit()
 def _blend(colours, weights, broken, rules, images, row, values, work):
     photos, rows, cols, _ = colours.shape
     for i in range(rows):

@@ -1,8 +1,8 @@
 """Blended colours as the pixels of a picture."""
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.colouring.blending.blending import Blended
 
 
@@ -13,7 +13,7 @@ def rgba(blended: Blended) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@njit()
 def _paint(colour, used, out):
     """Fills `out` (rows, cols, 4) from colours (rows, cols, bands) where values were `used` (rows, cols)."""
     bands = colour.shape[2]

@@ -11,7 +11,8 @@ from enum import IntEnum
 from typing import Literal
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 _MAD_TO_SIGMA = 1.4826  # of a normal distribution
 
@@ -52,7 +53,7 @@ PUBLISHED = Rejection()
 """One standard deviation about the mean."""
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _median_of(values, count, scratch):
     # Insertion sort: a pixel has a handful of values, for which it is faster than any other.
     for i in range(count):
@@ -65,7 +66,7 @@ def _median_of(values, count, scratch):
     return scratch[count // 2] if count % 2 else 0.5 * (scratch[count // 2 - 1] + scratch[count // 2])
 
 
-@njit(cache=True)
+@njit()
 def reject(values, count, rules, work):
     """Marks in `work.keep` which of `count` values (count, bands) are no gross errors; returns their number."""
     bands = values.shape[1]

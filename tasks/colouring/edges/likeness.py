@@ -16,8 +16,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 
 REACH = 8
@@ -76,7 +76,7 @@ def spacing_of(divisor: int) -> int:
 
 
 # Without NaN and signed zeros the least of several distances is found at once; the result is the same in any order.
-@njit(cache=True, fastmath={"nnan", "nsz"})
+@njit(fastmath={"nnan", "nsz"})
 def _distance(red, green, blue, examples, count):
     """Mean absolute difference from the nearest of the first `count` examples (3, nodes), OTHER at most."""
     nearest = np.float32(3.0 * OTHER)
@@ -87,7 +87,7 @@ def _distance(red, green, blue, examples, count):
     return nearest / np.float32(3.0)
 
 
-@njit(cache=True)
+@njit()
 def _gather(lattice, cell, palette):
     """Copies the examples around a cell (row, col) of the model to the palette; returns the numbers of high and low ones."""
     rows, cols, bands = lattice.colours.shape
@@ -109,13 +109,13 @@ def _gather(lattice, cell, palette):
     return high, low
 
 
-@njit(cache=True)
+@njit()
 def _mean_of_better_half(distances, count):
     ordered, half = np.sort(distances[:count]), (count + 1) // 2
     return ordered[:half].mean()
 
 
-@njit(cache=True)
+@njit()
 def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
     """The score of a pixel at `place` (row, col); `low` (photos,) is work space."""
     photos, bands = upper.shape[0], upper.shape[3]
@@ -139,7 +139,7 @@ def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
     return (2.0 * own - other) / count - _mean_of_better_half(low, count) if count else np.nan
 
 
-@njit(cache=True)
+@njit()
 def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
     photos, rows, cols, _ = upper.shape
     palette, low = _Palette(np.empty((3, _MOST), np.float32), np.empty((3, _MOST), np.float32)), np.empty(photos)
@@ -183,7 +183,7 @@ def likeness(
     return found
 
 
-@njit(cache=True)
+@njit()
 def _support(scores, upper, lower, reach, out):
     rows, cols, bands = upper.shape
     scale = 1.0 / (2.0 * bands * _ALIKE)

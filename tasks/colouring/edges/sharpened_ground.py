@@ -9,8 +9,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.colouring.edges.likeness import REACH as COLOUR_REACH
 from orthomill.tasks.colouring.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
@@ -149,7 +149,7 @@ def _both(
     return (upper, lower), shown
 
 
-@njit(cache=True)
+@njit()
 def _mean_shown(colours, shown, out):
     """Fills `out` (rows, cols, bands), zeros, with the means of the colours (photos, rows, cols, bands) of photos that show the
     pixel."""

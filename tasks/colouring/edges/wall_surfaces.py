@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.visibility.height_model import WALL
 
 REACH = 5
@@ -56,7 +56,7 @@ class _Around(NamedTuple):
     weights: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _plane(around, count, middle, above, plane):
     """Fills `plane` (3) with the plane at the window's centre through the heights on one side of `middle`; returns their weighted
     mean square distance from it."""
@@ -101,7 +101,7 @@ class _Storeys(NamedTuple):
     high: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _gap_between(heights, count, wall, storeys):
     """The largest gap of a wall or more between heights that leaves FEWEST of them on either side, and its middle; 0 for none.
 
@@ -130,7 +130,7 @@ def _gap_between(heights, count, wall, storeys):
     return gap, middle
 
 
-@njit(cache=True)
+@njit()
 def _widest_gap(ordered, count, wall):
     """As `_gap_between` for sorted heights, however far apart."""
     gap, middle = 0.0, 0.0
@@ -141,7 +141,7 @@ def _widest_gap(ordered, count, wall):
     return gap, middle
 
 
-@njit(cache=True)
+@njit()
 def _divide(heights, smooth, near, wall, upper, lower):
     """Fills `upper` and `lower` at the cells `near` a wall."""
     rows, cols = heights.shape

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.colouring.balance.photo_radiometry import correct
 from orthomill.tasks.colouring.sampling.photograph_colours import (
@@ -80,7 +80,7 @@ class _Samples(NamedTuple):
     r2: np.ndarray
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
     """Fills worth, 0 outside of the photograph, and r2 (cols) of the pixels of row i from column `first` on, at x (cols) and y;
     line: their `FramedRow`."""
@@ -106,7 +106,7 @@ def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
         r2[j] = (off_col * off_col + off_row * off_row) * diagonal if inside else zero
 
 
-@njit(cache=True)
+@njit()
 def _sample(part, n, cells, limits, correction, out):
     # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
     rows, cols = cells.z.shape
@@ -179,7 +179,7 @@ def sample_into(
         _sample(part, view.numbers, _cells(ground, factor), limits, correction, out)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _between(place, first, last):
     """The nearest cell to a place, the first of the two around it, and the share of the second one; cells are counted in a window
     from `first` on, whose last one is `last`."""
@@ -188,7 +188,7 @@ def _between(place, first, last):
     return min(max(int(np.floor(place + 0.5)) - first, 0), last), cell, min(max(place - (cell + first), 0.0), 1.0)
 
 
-@njit(cache=True)
+@njit()
 def _drape(heights, corner, first, step, divisor, limit, z):
     """Fills `z` with the heights of every `step`-th ortho pixel; `corner`, `first`: first row and column of the DSM window and of
     the pixels."""
@@ -213,7 +213,7 @@ def _drape(heights, corner, first, step, divisor, limit, z):
             z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
 
 
-@njit(cache=True)
+@njit()
 def _slopes(heights, cell, rows, cols, dx, dy):
     """Slopes (dz/dx, dz/dy) in m per m of the cells `rows` x `cols`, from differences over two cells, averaged over three; 0 where
     a neighbour is missing. The cells at the edge of the model are their own neighbours beyond it."""

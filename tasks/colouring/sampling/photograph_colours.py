@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.cubic_vectors import three_bands
 from orthomill.tasks.imagery.pyramid import level_shape
@@ -51,7 +51,7 @@ class PartPixels(NamedTuple):
     last: tuple[int, int]
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _keys(t):
     """Weights of four neighbours at the distance `t` (float32) behind the second one (Keys 1981, a = -1/2)."""
     half, one = np.float32(0.5), np.float32(1.0)
@@ -63,7 +63,7 @@ def _keys(t):
     )
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _row_of_four(flat, first, bands, wx):
     """The weighted sum of four neighbours in a row of pixels, the first at position `first`, `bands` apart."""
     # Unsigned positions need no test for a negative one, which would cost as much as the sum.
@@ -72,7 +72,7 @@ def _row_of_four(flat, first, bands, wx):
     return two + wx[2] * np.float32(flat[third]) + wx[3] * np.float32(flat[fourth])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"contract"})
+@njit(error_model="numpy", fastmath={"contract"})
 def inner_colours(flat, shape, origin, line, worth, colour):
     """Fills `colour` (cols, bands) at the places of `line` with worth whose 4 x 4 neighbours are among the pixels; returns how many
     are not. flat: pixels of `shape` (rows, cols, bands) as one row; origin: as of `PartOrigin`."""
@@ -102,7 +102,7 @@ def inner_colours(flat, shape, origin, line, worth, colour):
     return missing
 
 
-@njit(cache=True)
+@njit()
 def border_colours(pixels, last, origin, line, worth, colour):
     """Fills what `inner_colours` leaves: beyond the border of the photograph its outermost pixels are repeated.
 

@@ -10,8 +10,8 @@ Source: Petsa et al. 2007 (sources/blending.md, M6, M12).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WORTH, PhotoPixelsAt, colours_at
 from orthomill.tasks.colouring.sight.sight_rasters import TilePoints
 from orthomill.tasks.geometry.view import View, project_point
@@ -47,7 +47,7 @@ def of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
     return values.ravel()[surface.at]
 
 
-@njit(cache=True)
+@njit()
 def _show(n, points, normals, chosen, facing, soft, pixels, worth, r2):
     """Fills `pixels` (M, 2), `worth` and `r2` (M,) of the `chosen` (M,) of points and unit normals (N, 3): where the view `n` shows
     them, with which weight, and how far from its middle; `soft`: px of border."""

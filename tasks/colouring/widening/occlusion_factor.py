@@ -4,8 +4,8 @@ Source: Petsa et al. 2007 (sources/blending.md, M10), on the ground instead of i
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.visibility.height_model import widening_factor
 from orthomill.tasks.visibility.sight import PlaceSight
 
@@ -30,7 +30,7 @@ def occlusion_factor(sight: np.ndarray, margin: float, ramp: float) -> np.ndarra
     return widened
 
 
-@njit(cache=True)
+@njit()
 def _weigh(sight, worth, factor):
     """Turns factors (rows, cols) that fall towards occlusions into those of what is seen; of the rest the worth of its code."""
     least = np.float32(RESERVED_WORTH)

@@ -8,8 +8,8 @@ Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1-8).
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.line_locus.line_locus import FoundHeights, NodeLines
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImage, GreyImages, holds, image_place
@@ -43,7 +43,7 @@ def marked_picture(images: Sequence[GreyImage], lines: NodeLines, cell: float, f
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _ground(image, x, y, cell, height, factor, out):
     stride = image.frames[0, 2]
     for r in range(height.shape[0]):

@@ -20,9 +20,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from pydantic import model_validator
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
@@ -185,7 +185,7 @@ def residual_y_parallax(left: np.ndarray, right: np.ndarray, start: StartSurface
     return float(np.median((matches.row - points[:, 1])[good])) if good.sum() >= 12 else float("nan")
 
 
-@njit(cache=True)
+@njit()
 def moved_rows(grey, shift):
     """The image moved up by `shift` rows, cubic; NaN where that leaves it."""
     rows, cols = grey.shape
@@ -215,7 +215,7 @@ def consistent(nodes: NodeParallaxes, settings: DenseMatching) -> NodeParallaxes
     return NodeParallaxes(parallax[inner], sigma[inner], nodes.correlation[inner], outcome[inner])
 
 
-@njit(cache=True)
+@njit()
 def _agreeing(parallax, tolerance):
     rows, cols = parallax.shape
     count = np.zeros((rows, cols), np.uint8)

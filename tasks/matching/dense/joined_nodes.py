@@ -9,7 +9,8 @@ Standard errors stay as they are: what overlapping windows have in common no mea
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 _TOGETHER = 0.5
 """px: neighbours farther than this from the plane of a node are not on its surface"""
@@ -33,7 +34,7 @@ def joined(parallax: np.ndarray, sigma: np.ndarray, slopes: np.ndarray) -> np.nd
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _join(parallax, sigma, slopes, out):
     for i in range(parallax.shape[0]):
         for j in range(parallax.shape[1]):
@@ -43,7 +44,7 @@ def _join(parallax, sigma, slopes, out):
                     out[i, j] = parallax[i, j] + np.float32(off)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _off_plane(parallax, sigma, at, slope):
     """How far the plane of the neighbours that go along lies above a node, px; 0 where there are too few."""
     rows, cols = parallax.shape

@@ -6,9 +6,9 @@ in a counter that all threads share, that takes as long as all the sums. A kerne
 
 from typing import Any
 
-from numba import njit
+from orthomill.kernels.kernel_compilation import njit
 
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 
 
 def kernel(**options: Any) -> Any:

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.dense.kernel import kernel
 from orthomill.tasks.matching.dense.shared_sums import (
     RUN,
@@ -56,7 +56,7 @@ class NodeRun(NamedTuple):
     shared: SharedSums
 
 
-@njit(cache=True)
+@njit()
 def run_for(half, step):
     """Room for runs of nodes `step` px apart with windows of half side `half` at most."""
     return NodeRun(

@@ -15,8 +15,8 @@ The support is our own; see sources/epipolar.md#levels.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
 _FEWEST = 4
@@ -70,7 +70,7 @@ class NodeLattice(NamedTuple):
         return self.rows, self.cols
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def _fit_plane(values, weights, at, reach, step, guess, tolerance, plane):
     """Plane through the values within `reach` nodes that lie within `tolerance` of the plane `guess`; returns their number.
 
@@ -117,7 +117,7 @@ def _fit_plane(values, weights, at, reach, step, guess, tolerance, plane):
     return int(n)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _median_around(values, at, reach, found):
     """Median of the known values within `reach` nodes, NaN where there is none; `found` is scratch."""
     count = 0
@@ -129,7 +129,7 @@ def _median_around(values, at, reach, found):
     return np.sort(found[:count])[count // 2] if count else np.float32(np.nan)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _first_planes(values, wanted, reach, step, tolerance, planes):
     whole = (2 * reach + 1) ** 2
     weights, found = np.ones_like(values), np.empty(whole, np.float32)
@@ -154,7 +154,7 @@ def _first_planes(values, wanted, reach, step, tolerance, planes):
                 planes[i, j, 0], planes[i, j, 1], planes[i, j, 2] = plane[0], plane[1], plane[2]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _near(values, at, reach, level, tolerance):
     """Values within `reach` nodes that are within `tolerance` of a level."""
     count = 0
@@ -196,7 +196,7 @@ def _reach(half: int, step: int) -> int:
     return max(1, (half + step // 2) // step)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _smoothed_planes(planes, weights, reach, step, tolerance, out):
     values = planes[:, :, 0].copy()
     guess, plane = np.empty(3), np.empty(3)

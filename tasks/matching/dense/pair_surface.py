@@ -18,9 +18,9 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.dense.blocks import DenseMatching, consistent, moved_rows, residual_y_parallax
 from orthomill.tasks.matching.dense.epipolar_least_squares import NodeParallaxes, match_nodes
@@ -166,7 +166,7 @@ def break_variance(parallax: np.ndarray, step: int) -> np.ndarray:
     return variance.astype(np.float32)
 
 
-@njit(cache=True)
+@njit()
 def hidden(parallax, right_cols):
     """Pixels (rows, cols) bool whose place in the right image shows something nearer, or lies outside of it."""
     rows, cols = parallax.shape

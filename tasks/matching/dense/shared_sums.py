@@ -14,8 +14,8 @@ Grey values count from one level for the whole run, in single precision: a run i
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.dense.kernel import kernel
 from orthomill.tasks.matching.dense.surface_warp import LANES
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
@@ -60,7 +60,7 @@ def columns_of(away, step, half):
     return (away * step + 2 * half + 1 + _VECTORS) // _VECTORS * _VECTORS
 
 
-@njit(cache=True)
+@njit()
 def shared_sums_for(half, step):
     """Room for runs of nodes `step` px apart with windows of half side `half` at most."""
     n = columns_of(RUN - 1, step, half)

@@ -10,8 +10,8 @@ Strategy
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.dense.node_surfaces import NodeLattice
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
 
@@ -44,7 +44,7 @@ class WarpedPair(NamedTuple):
         return cls(grey.ravel(), warped, gradient, np.full(grey.size, np.nan, np.float32), shape[1], margin)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _warp(pair, right, shift, lattice, planes, inside):
     """Fill warped image, gradient and field of the left pixels inside (first row, last row, first col, last col), ends excluded."""
     row0, row1, col0, col1 = inside

@@ -14,8 +14,8 @@ Source: Skarlatos (sources/matching.md#least-squares); Huber 1967 (variance from
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.dense.kernel import kernel
 from orthomill.tasks.matching.dense.shared_sums import PARTS, squared_shared_scores, sums_of
 from orthomill.tasks.matching.dense.surface_warp import LANES
@@ -74,7 +74,7 @@ class SurfaceScratch(NamedTuple):
     """(n,) float32: of a row"""
 
 
-@njit(cache=True)
+@njit()
 def scratch_for(half):
     """Scratch for windows of half side `half` at most."""
     wide = (2 * half + LANES) // LANES * LANES

@@ -12,8 +12,8 @@ Source: Karfis 2009, section 4.3.1 (sources/epipolar.md#correlation, #column-int
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.settings import Settings, setting
 
@@ -114,7 +114,7 @@ def column_sigmas(found: BandPlaces, pixels: int) -> np.ndarray:
     return np.sqrt((1.0 - found.correlation**2) / (worth * like * curvature) + INTERPOLATION**2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _products(right, template, row, first, total):
     """Fill total (K,) with the products of a template (side, side) and the windows about K columns of a row."""
     side = template.shape[0]
@@ -129,14 +129,14 @@ def _products(right, template, row, first, total):
                 total[k] += weight * here[k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _parabola(before, at, after):
     """Place of the top from the middle one, and curvature there."""
     curvature = 2.0 * at - before - after
     return (0.5 * (after - before) / curvature, curvature) if curvature > 0.0 else (0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _match(left, right, of_left, of_right, points, columns, extent, limits, sub_pixel, out):
     shift, beside, half = extent
     least, min_correlation = limits

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.settings import Settings, setting
@@ -82,7 +82,7 @@ class _Posts(NamedTuple):
     corner: np.ndarray
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _nearby(posts, x, y, half, least):
     """Lowest and highest height of the posts within `half` (m) of a place along both axes."""
     rows, cols = posts.number.shape
@@ -107,7 +107,7 @@ def _nearby(posts, x, y, half, least):
     return low, high
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _heights(posts, points, half, least, symmetric, out):
     """Fill out (N, 2): the two heights of the interval of every point (N, 3)."""
     for n in range(len(points)):

@@ -18,8 +18,8 @@ Source: Skarlatos, PhD thesis, 2.7.4 to 2.7.7, 3.1.7, 4.2.4.2 (sources/matching.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares import result_columns as results
 from orthomill.tasks.matching.least_squares.grey_values import FlatImage, bicubic, bilinear, leaves, nearest_pixel, on_lattice
 from orthomill.tasks.matching.least_squares.model import GRADIENTS, RADIOMETRY_ESTIMATED, RADIOMETRY_NORMALISED
@@ -77,7 +77,7 @@ class ForwardScratch(NamedTuple):
     """(8,): the solution da11, da12, da21, db11, db12, db21, gain, offset"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _value(image, origin, u, v, cubic):
     """The grey value at (u, v) px from the pixel of index `origin`. image: a `FlatImage`."""
     flat, width = image.pixels, image.cols
@@ -89,20 +89,20 @@ def _value(image, origin, u, v, cubic):
     return bilinear(flat, np.uint64(width), k, np.float32(u - c), np.float32(v - r))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _difference(before, after, steps):
     """The slope between two pixels `steps` apart: 2 inside a block, 1 at its border, where one of them is the pixel itself."""
     return (after - before) / np.float32(steps)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _slopes(patch, j, i, last_j, last_i):
     """Differences of a block at row j, column i: central inside, one-sided in its first and last rows and columns."""
     west, east, north, south = max(i - 1, 0), min(i + 1, last_i), max(j - 1, 0), min(j + 1, last_j)
     return _difference(patch[j, west], patch[j, east], east - west), _difference(patch[north, i], patch[south, i], south - north)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _on_left_pixels(images, place, a, reach, rules, scratch):
     """Observations of a window on pixels of the left image; their number, -1 where the window leaves an image.
 
@@ -148,7 +148,7 @@ def _on_left_pixels(images, place, a, reach, rules, scratch):
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _on_right_pixels(images, place, centre, a, reach, rules, scratch):
     """As `_on_left_pixels`, of a window on the pixels of the right image about `centre` (col, row), the left one resampled."""
     left, right = images.left, images.right
@@ -197,7 +197,7 @@ def _on_right_pixels(images, place, centre, a, reach, rules, scratch):
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _grey_moments(seen, n):
     """Means of f and g, and their centred powers and product."""
     f, g = seen[_F, :n], seen[_G, :n]
@@ -215,7 +215,7 @@ def _grey_moments(seen, n):
     return mean_f, mean_g, ff, gg, fg
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _weakest_gradient(seen, n):
     """Sum of squares of the gradients in the direction that has the least; NaN where the window touches missing data."""
     xx, xy, yy = 0.0, 0.0, 0.0
@@ -227,7 +227,7 @@ def _weakest_gradient(seen, n):
     return 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _adjust(n, radiometry, mean_g, shift_only, estimated, scratch):
     """Build and solve the normal equations of n observations; the sum of squared residuals, NaN where they are singular.
 
@@ -265,7 +265,7 @@ def _adjust(n, radiometry, mean_g, shift_only, estimated, scratch):
     return max(power, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _spread(d, shift_only):
     """Move a solution of two shifts (and gain, offset) to the places that they have in that of the affine."""
     if shift_only:
@@ -274,7 +274,7 @@ def _spread(d, shift_only):
         d[1], d[2], d[4], d[5] = 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _shift_cofactors(lower, shift_only, estimated, px, py, z):
     """Cofactors (xx, yy, xy) of the shift of the place (px, py) of the window."""
     unknowns = (2 if shift_only else 6) + (2 if estimated else 0)
@@ -293,7 +293,7 @@ def _shift_cofactors(lower, shift_only, estimated, px, py, z):
     return found[0], on_y, found[1]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _centroid(seen, n):
     """Mean of the coordinates of the window's pixels, weighted by their squared gradients."""
     weight, x, y = 0.0, 0.0, 0.0
@@ -305,18 +305,18 @@ def _centroid(seen, n):
     return x / weight, y / weight
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _limited(value, limit):
     return min(max(value, -limit), limit)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _gone_astray(a, limit):
     """Whether the affine mirrors the window or changes its area beyond the limit."""
     return limit < np.inf and not 1.0 / limit < a[0] * a[3] - a[1] * a[2] < limit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _finish(point, place, a, variance, n, rules, scratch, values):
     """Write position, reference and covariance of a matched window of n pixels."""
     px, py = _centroid(scratch.seen, n) if rules.centroid else (point.x, point.y)
@@ -329,7 +329,7 @@ def _finish(point, place, a, variance, n, rules, scratch, values):
     values[results.COVARIANCE] = variance * xy
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _match_one(images, point, start, a, rules, scratch, values):
     """Match the window of a `MatchPoint` from `start` (2,); returns (outcome, iterations).
 
@@ -407,7 +407,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
     return results.NOT_CONVERGED, rules.max_iterations
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _forward_scratch(reach):
     side = 2 * reach + 1
     return ForwardScratch(
@@ -421,7 +421,7 @@ def _forward_scratch(reach):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def match_forward(left, right, attempts, reach, rules, found):
     """Match points of `left` in `right`: arguments as of `inverse_compositional.match_inverse`."""
     scratch = _forward_scratch(reach)

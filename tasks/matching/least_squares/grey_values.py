@@ -11,7 +11,8 @@ Source: Keys 1981 (cubic convolution, a = -1/2).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 EXACT = {"reassoc", "contract", "nsz", "arcp"}
 """Sums may be reordered; NaN keeps its meaning.
@@ -30,19 +31,19 @@ class FlatImage(NamedTuple):
     cols: int
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def nearest_pixel(x):
     """Halves always round up: rounding them to even would make a point depend on where its tile begins."""
     return int(np.floor(x + 0.5))
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def on_lattice(x):
     """Rounded to 2^-32 px, so that adding any column or row of an image is exact: a tile returns the very number of the whole."""
     return np.floor(x * 4294967296.0 + 0.5) / 4294967296.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def cubic_weights(f):
     """Weights of the pixels at -1, 0, 1, 2 for a position f in [0, 1)."""
     g = np.float32(1.0) - f
@@ -55,7 +56,7 @@ def cubic_weights(f):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def bilinear(flat, width, k, f, g):
     """The value at (f, g) in [0, 1)^2 right of and below pixel k (uint64) of an image with `width` (uint64) columns."""
     one = np.uint64(1)
@@ -64,7 +65,7 @@ def bilinear(flat, width, k, f, g):
     return top + g * (bottom - top)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def bicubic(flat, width, k, f, g):
     """As `bilinear`, from 4 x 4 pixels; may overshoot their range."""
     one, two = np.uint64(1), np.uint64(2)
@@ -79,7 +80,7 @@ def bicubic(flat, width, k, f, g):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def leaves(shape, centre_x, centre_y, reach_x, reach_y):
     """Whether a window about (centre_x, centre_y), with the pixels that interpolation needs, leaves an image of that shape."""
     # Stated as "not inside", so that NaN counts as outside; 0.001 px cover the rounding of coordinates to float32.

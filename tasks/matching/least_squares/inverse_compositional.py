@@ -11,8 +11,8 @@ Source: Baker & Matthews 2004; Skarlatos (sources/matching.md#least-squares, #wi
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares import result_columns as results
 from orthomill.tasks.matching.least_squares.grey_values import FlatImage, leaves, nearest_pixel, on_lattice
 from orthomill.tasks.matching.least_squares.model import LEAST_AREA, RADIOMETRY_ESTIMATED, RADIOMETRY_NONE, RADIOMETRY_NORMALISED
@@ -43,7 +43,7 @@ _RESHAPED = 5
 """Iterations after which an ellipse keeps its shape: small ones can otherwise alternate between two shapes for ever."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _compose(a, d):
     """A <- A (I + D)^-1 for the affine a (4,) and the correction d (6,); returns its area."""
     # The correction belongs to the left window: the right one is updated by its inverse (Baker & Matthews 2004, 3.2).
@@ -55,7 +55,7 @@ def _compose(a, d):
     return a[0] * a[3] - a[1] * a[2]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _correction(template, level_right, rules, work, values):
     """Right sides of the normal equations from the warped window, solved into work.d.
 
@@ -99,7 +99,7 @@ def _correction(template, level_right, rules, work, values):
     return results.CONVERGED, residual
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _cofactors(template, px, py, rules, work):
     """Cofactors (xx, xy, yy) of the shift of the place (px, py) of the window, with the correlation of the residuals."""
     n, d = template.n, work.d
@@ -129,7 +129,7 @@ def _cofactors(template, px, py, rules, work):
     return max(xx, ZERO), xy, max(yy, ZERO)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _finish(template, variance, point, place, rules, work, values):
     """Write position, reference and covariance of a matched window."""
     px, py, t, a = point.x, point.y, place.t, place.a
@@ -148,7 +148,7 @@ def _finish(template, variance, point, place, rules, work, values):
     values[results.COVARIANCE] = variance * (a[0] * a[2] * xx + (a[0] * a[3] + a[1] * a[2]) * xy + a[1] * a[3] * yy)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def _match_one(left, right, point, t, a, rules, work, values):
     """Match the window of a `MatchPoint`; returns (outcome, iterations).
 
@@ -206,7 +206,7 @@ def _match_one(left, right, point, t, a, rules, work, values):
     return results.NOT_CONVERGED, rules.max_iterations
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def match_inverse(left, right, attempts, reach, rules, found):
     """Match points of `left` in `right`, both (H, W) float32; for `matching.match_points`.
 

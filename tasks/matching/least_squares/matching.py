@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares import result_columns as column
 from orthomill.tasks.matching.least_squares.forward import match_forward
@@ -162,7 +162,7 @@ def chosen_windows(left: np.ndarray, points: np.ndarray, settings: LeastSquaresM
     return window_sizes(grey_levels(left), points, settings.window)
 
 
-@njit(cache=True)
+@njit()
 def _refuse_overflow(values, outcome):
     """Refuse points with an infinite gain or variance, which grey values near the end of float32 can leave behind."""
     for i in range(len(values)):

@@ -6,12 +6,12 @@ noise after the Gaussian, truncated at two pixels and separable, so that C a is 
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def residual_correlation(smoothing):
     """Correlation of residuals one and two pixels apart in images smoothed by a Gaussian of `smoothing` px.
 
@@ -22,7 +22,7 @@ def residual_correlation(smoothing):
     return np.float32(np.exp(-1.0 / (4.0 * sigma * sigma))), np.float32(np.exp(-1.0 / (sigma * sigma)))
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def influence(block, pad, xs, ys, weights, grey_share, offset, out):
     """Influence of the residuals on one unknown: the derivatives times `weights` (6,), orthogonal to gain and offset, zero outside.
 
@@ -40,7 +40,7 @@ def influence(block, pad, xs, ys, weights, grey_share, offset, out):
         body[i] = slope - inside[i] * (share * grey[i] + constant)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def correlated_products(influence, other, pitch, near, far, along):
     """a' C a and b' C a of influences a and b (`other`), C separable: 1, `near`, `far` at distances of 0, 1, 2 px.
 

@@ -5,12 +5,13 @@ of their diagonal element count as zero: the texture does not determine that unk
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 _PIVOT = 1e-6
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def factor(matrix, size, lower):
     """Factor the leading `size` rows of a symmetric matrix; False where it is not positive definite.
 
@@ -32,7 +33,7 @@ def factor(matrix, size, lower):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def solve(lower, size, x):
     """Overwrite the right side `x` (size,) with the solution."""
     # Forward substitution, then back substitution with the transpose.
@@ -48,7 +49,7 @@ def solve(lower, size, x):
         x[i] = total * lower[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def invert(matrix, size, lower, inverse):
     """Invert the leading `size` rows of a positive definite matrix; False where it is not. `lower` is scratch."""
     if not factor(matrix, size, lower):

@@ -11,8 +11,8 @@ Source: Baker & Matthews 2004; Skarlatos (sources/matching.md#least-squares).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares import result_columns as results
 from orthomill.tasks.matching.least_squares.model import RADIOMETRY_ESTIMATED, RADIOMETRY_NONE
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
@@ -103,7 +103,7 @@ class WindowScratch(NamedTuple):
     """correlation of residuals one and two pixels apart"""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def work_for(reach, smoothing):
     """Scratch for windows that reach `reach` px from their centre."""
     size = block_pitch(reach) * (2 * reach + 1) + LANES
@@ -131,13 +131,13 @@ def work_for(reach, smoothing):
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def unknowns_of(rules):
     """Unknowns of the adjustment, with gain and offset where the radiometry is not taken as equal."""
     return (2 if rules.shift_only else 6) + (0 if rules.radiometry == RADIOMETRY_NONE else 2)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def solve_shift(lower, shift_only, d):
     """Overwrite the right side d (6,) with the corrections; those of the affine are 0 where only shifts are estimated."""
     if not shift_only:
@@ -150,7 +150,7 @@ def solve_shift(lower, shift_only, d):
     d[1], d[2], d[4], d[5] = 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _normal_matrix(moments, normal):
     """The 6 x 6 normal matrix of the derivatives from the moments of gx gx, gx gy and gy gy."""
     for k in range(3):
@@ -165,7 +165,7 @@ def _normal_matrix(moments, normal):
             normal[3 + i, j] = normal[j, 3 + i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _without_radiometry(normal, plain, grey, power, count):
     """Make the normal matrix that of derivatives orthogonal to a constant and to the window (of centred power `power`)."""
     for i in range(6):
@@ -174,7 +174,7 @@ def _without_radiometry(normal, plain, grey, power, count):
             normal[j, i] = normal[i, j]
 
 
-@njit(cache=True, error_model="numpy", forceinline=True)
+@njit(error_model="numpy", forceinline=True)
 def build_template(image, point, axes, rules, work):
     """Cut the window of a point, build and factor its normal matrix; the outcome is CONVERGED when it can be matched.
 
@@ -228,7 +228,7 @@ def build_template(image, point, axes, rules, work):
     return results.CONVERGED, Template(reach_x, reach_y, n, count, np.float64(level), mean, power)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def ellipse_of(rules, work):
     """Axes of the ellipse that follows from the cofactors of both shifts."""
     d = work.d

@@ -10,8 +10,8 @@ Strategy
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.least_squares.grey_values import EXACT, cubic_weights
 
 LANES = 16
@@ -44,13 +44,13 @@ class WindowPlacement(NamedTuple):
     """(4,) float64: a12, a21, b12, b21, the rows of A"""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def block_pitch(reach):
     """Distance between the rows of a block: the window and its padding."""
     return 2 * reach + 1 + PAD
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def draw_block(reach_x, reach_y, spans, xs, ys, inside):
     """Column and row of every pixel of a block, from its centre, and 1 where it belongs to the window, else 0."""
     pitch = block_pitch(reach_x)
@@ -62,14 +62,14 @@ def draw_block(reach_x, reach_y, spans, xs, ys, inside):
             inside[j * pitch + i] = 1.0 if first <= x <= last else 0.0
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def full_lanes(n, room):
     """`n` rounded up to whole vectors where the image has `room` for it: a remainder would be processed pixel by pixel."""
     wide = (n + LANES - 1) // LANES * LANES
     return wide if wide <= room else n
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def cut_window(image, pixel, reach, spans, block):
     """Fill a `WindowBlock` with the left window about `pixel` (col, row) and its gradients; returns the grey value it counts from.
 
@@ -102,7 +102,7 @@ def cut_window(image, pixel, reach, spans, block):
     return level
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def second_moments(p, q, xs, ys, out):
     """Sums of p q times 1, x, y, xx, xy, yy."""
     s = sx = sy = sxx = sxy = syy = np.float32(0.0)
@@ -118,7 +118,7 @@ def second_moments(p, q, xs, ys, out):
     out[0], out[1], out[2], out[3], out[4], out[5] = s, sx, sy, sxx, sxy, syy
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def gradient_moments(gx, gy, p, xs, ys, out):
     """Sums of p times the six derivatives."""
     s0 = s1 = s2 = s3 = s4 = s5 = np.float32(0.0)
@@ -133,7 +133,7 @@ def gradient_moments(gx, gy, p, xs, ys, out):
     out[0], out[1], out[2], out[3], out[4], out[5] = s0, s1, s2, s3, s4, s5
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def grey_sums(p, q):
     """Sums of p, p p and p q."""
     s = pp = pq = np.float32(0.0)
@@ -144,7 +144,7 @@ def grey_sums(p, q):
     return s, pp, pq
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(error_model="numpy", inline="always")
 def _same_steps(rest, drift, most):
     """For how many pixels, at most `most`, a coordinate `rest` in [0, 1) beyond an integer keeps that integer while drifting."""
     if drift == 0.0:
@@ -153,7 +153,7 @@ def _same_steps(rest, drift, most):
     return most if room >= most else int(room) + 1
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def _bicubic_run(image, k, rest, drift, level, n, patch, at):
     """Fill n pixels of `patch` from `at` on, zero beyond them: their neighbours are contiguous, so that many are read at once."""
     flat, width, one = image.pixels, np.uint64(image.cols), np.uint64(1)
@@ -175,7 +175,7 @@ def _bicubic_run(image, k, rest, drift, level, n, patch, at):
         line[i] = value - level if i < n else np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def _bilinear_run(image, k, rest, drift, level, n, patch, at):
     """As `_bicubic_run`, from 2 x 2 pixels."""
     flat, width = image.pixels, np.uint64(image.cols)
@@ -191,7 +191,7 @@ def _bilinear_run(image, k, rest, drift, level, n, patch, at):
         line[i] = value - level if i < n else np.float32(0.0)
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def warp_window(image, place, use_bicubic, reach, spans, patch):
     """Fill the block `patch` with the right image under a `WindowPlacement`; returns the grey value it counts from.
 
@@ -230,7 +230,7 @@ def warp_window(image, place, use_bicubic, reach, spans, patch):
     return level
 
 
-@njit(cache=True, error_model="numpy", forceinline=True, fastmath=EXACT)
+@njit(error_model="numpy", forceinline=True, fastmath=EXACT)
 def dot(p, q):
     """Sum of p q."""
     total = np.float32(0.0)

@@ -8,10 +8,11 @@ Source: Skarlatos, PhD thesis, 3.1.7 (sources/matching.md#window-shape); the lim
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def square_window(half, spans):
     """Fill the spans of a square: first and last column of row j - half, from the centre; returns its reaches."""
     for j in range(2 * half + 1):
@@ -19,7 +20,7 @@ def square_window(half, spans):
     return half, half
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def ellipse_window(half, axes, offset_x, offset_y, spans):
     """Fill the spans of an ellipse with the area of the square of half side `half`.
 
@@ -49,7 +50,7 @@ def ellipse_window(half, axes, offset_x, offset_y, spans):
     return reach_x, reach_y
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     """Ratio of the axes and direction (cos, sin) of the long one, along the greatest uncertainty of a shift or across it."""
     middle, half_difference = 0.5 * (var_x + var_y), 0.5 * (var_x - var_y)
@@ -66,7 +67,7 @@ def ellipse_axes(var_x, var_y, covariance, max_ratio, across):
     return ratio, np.cos(theta), np.sin(theta)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def pixels_of(spans, rows):
     """Number of pixels of a window."""
     count = 0

@@ -10,8 +10,8 @@ Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1); Foerstner 1982 (prec
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.line_locus.height_search import HeightSearch
 from orthomill.tasks.matching.line_locus.node_order import Visits
@@ -118,7 +118,7 @@ def found_heights(
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _search(images, lines, order, rules, worths, trials, scratch, out):
     cols = lines.start.shape[1]
     passed = lines.start.copy()
@@ -156,7 +156,7 @@ def _search(images, lines, order, rules, worths, trials, scratch, out):
             passed[r, c] = z + shift
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _shown(images, x, y, z, rules, chosen):
     """How many of the first photographs show a node at its start; `chosen` gets their numbers."""
     count = 0
@@ -170,7 +170,7 @@ def _shown(images, x, y, z, rules, chosen):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _best_height(images, used, x, y, start, lines, rules, scratch, tried, values):
     """The best height in finest spacings from the start, its correlation (NaN: none), and whether there was any texture."""
     count, best, top, textured = 0, 0, np.nan, True
@@ -199,7 +199,7 @@ def _best_height(images, used, x, y, start, lines, rules, scratch, tried, values
     return best, top, textured
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _worth(images, used, x, y, z, rules, scratch):
     """Independent pixels of the windows, and how many of the heights of the first round are different for their texture."""
     along, across = 0.0, 0.0
@@ -214,7 +214,7 @@ def _worth(images, used, x, y, z, rules, scratch):
     return side * side / (along * across), 1.0 + span / max(along, across)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _looked_up(table, rows, cols, row, col):
     """Bilinear in a table over logarithms that are equally far apart."""
     i = min(max((np.log(max(row, 1e-9)) - rows[0]) / (rows[1] - rows[0]), 0.0), rows.size - 1.000001)
@@ -226,7 +226,7 @@ def _looked_up(table, rows, cols, row, col):
     return upper + v * (lower - upper)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def _top(images, used, x, y, z, top, worth, rules, scratch):
     """How far the top of the parabola lies from z, and the standard error of the height, m."""
     # Half a pixel of parallax: nearer by, interpolation and rounding show instead of the texture.

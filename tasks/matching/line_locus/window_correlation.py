@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.geometry.view import ViewNumbers, project_point
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
@@ -68,7 +68,7 @@ class WindowBuffers(NamedTuple):
         return cls(np.empty(size, np.float32), np.empty(size, np.float32))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _view(row):
     return ViewNumbers(
         row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12], row[13],
@@ -77,7 +77,7 @@ def _view(row):
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def image_place(images, k, x, y, z):
     """(col, row) of a ground point in image k, px of its part; NaN behind the camera."""
     row = images.numbers[k]
@@ -86,13 +86,13 @@ def image_place(images, k, x, y, z):
     return (c + 0.5) * row[32] - 0.5 - row[33], (r + 0.5) * row[32] - 0.5 - row[34]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def holds(images, k, c, r, half):
     """Whether a window about (c, r) lies in image k; NaN does not."""
     return c >= half and r >= half and c < images.frames[k, 2] - 1 - half and r < images.frames[k, 1] - 1 - half
 
 
-@njit(cache=True, error_model="numpy", fastmath=EXACT)
+@njit(error_model="numpy", fastmath=EXACT)
 def _bilinear(pixels, first, stride, side, u, v, out):
     """Sum of the window whose upper-left pixel is `first`, shifted by (u, v) of a pixel; `out` (side^2,) gets its values."""
     a, b = (np.float32(1.0) - u) * (np.float32(1.0) - v), u * (np.float32(1.0) - v)
@@ -109,7 +109,7 @@ def _bilinear(pixels, first, stride, side, u, v, out):
     return total
 
 
-@njit(cache=True, error_model="numpy", fastmath=EXACT)
+@njit(error_model="numpy", fastmath=EXACT)
 def _squares(values, mean):
     total = np.float32(0.0)
     for i in range(values.size):
@@ -118,13 +118,13 @@ def _squares(values, mean):
     return total
 
 
-@njit(cache=True, error_model="numpy", fastmath=EXACT)
+@njit(error_model="numpy", fastmath=EXACT)
 def _add(values, mean, factor, total):
     for i in range(values.size):
         total[i] += (values[i] - mean) * factor
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def window_values(images, k, c, r, half, bilinear, out):
     """Grey values of the window about (c, r) of image k to `out`, and their sum; the window must be held."""
     if bilinear:
@@ -138,7 +138,7 @@ def window_values(images, k, c, r, half, bilinear, out):
     return _bilinear(images.pixels, first, stride, 2 * half + 1, u, v, out)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def correlation_at(images, chosen, x, y, z, half, bilinear, scratch):
     """Mean correlation of all pairs of the images `chosen` (numbers) about a ground point; NaN where one of the windows is not
     complete, 0 without texture (the second value then is False)."""
@@ -161,7 +161,7 @@ def correlation_at(images, chosen, x, y, z, half, bilinear, scratch):
     return (length - count) / (count * (count - 1)), True
 
 
-@njit(cache=True, error_model="numpy", fastmath=EXACT)
+@njit(error_model="numpy", fastmath=EXACT)
 def autocorrelation(values, mean, side, down, right):
     """Sum of the products of the pixels of a window (side^2,) with those `down` rows and `right` columns away."""
     total = np.float32(0.0)
@@ -173,7 +173,7 @@ def autocorrelation(values, mean, side, down, right):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def correlated_pixels(values, side, across):
     """How many neighbouring pixels along the rows (or across them) say as much as one: the sum of squared autocorrelations.
 

@@ -23,9 +23,6 @@ from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import with_gaps
 
-# Workers are processes, one per core: threads of OpenCV inside them would only compete.
-cv2.setNumThreads(1)
-
 
 class TemplateCorrelation(Settings):
     """How points are matched by normalised correlation."""

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numba import njit
 from pydantic import Field
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
@@ -141,7 +141,7 @@ def roundness(tensor: np.ndarray) -> np.ndarray:
     return np.divide(4.0 * (xx * yy - xy * xy), trace * trace, out=trace.copy(), where=trace > 0.0)
 
 
-@njit(cache=True)
+@njit()
 def _gradients(grey):
     """(2, H, W) gx, gy by undivided Prewitt masks; NaN along the border and next to missing data."""
     rows, cols = grey.shape
@@ -155,7 +155,7 @@ def _gradients(grey):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _is_peak(measure, row, col, radius):
     """Whether a pixel is the highest within `radius`, the first of equal ones."""
     rows, cols = measure.shape
@@ -167,7 +167,7 @@ def _is_peak(measure, row, col, radius):
     return True
 
 
-@njit(cache=True)
+@njit()
 def _peaks(measure, limit, radius, inside):
     top, left, bottom, right = inside
     rows, cols = [], []

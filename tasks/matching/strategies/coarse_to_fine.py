@@ -21,9 +21,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from pydantic import model_validator
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.tasks.matching.least_squares.matching import Matches
@@ -248,7 +248,7 @@ def _check_origins(left: ImagePart, right: ImagePart, settings: PyramidMatching)
             )
 
 
-@njit(cache=True)
+@njit()
 def _predict(nodes, places, step, out, out_affine):
     """Weighted mean of what the four nodes around each place (M, 2), in units of the grid, predict. nodes: `GridMatches`."""
     solved, right, affine = nodes

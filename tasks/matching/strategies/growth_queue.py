@@ -13,7 +13,8 @@ Source: Otto & Chau 1989, as modified by Skarlatos (sources/matching.md#region-g
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 SEED = 1
 PRIORITIES = 8
@@ -53,7 +54,7 @@ def queues_for(region: np.ndarray) -> Queues:
     )
 
 
-@njit(cache=True)
+@njit()
 def push(queues, node, priority, col, row, affine):
     """Enter a node with its prediction, unless it was tried or waits with the same or a better priority."""
     if queues.waiting[node] == _TRIED or 0 < queues.waiting[node] <= priority:
@@ -73,7 +74,7 @@ def push(queues, node, priority, col, row, affine):
     queues.last[region, priority] = node
 
 
-@njit(cache=True)
+@njit()
 def pop_each(queues, regions, out):
     """Take the best node of every region of a list (M,) that has one; returns their number. `regions` shrinks in place."""
     count = 0
@@ -98,7 +99,7 @@ def pop_each(queues, regions, out):
     return count
 
 
-@njit(cache=True)
+@njit()
 def push_neighbours(queues, cols, step, levels, nodes, right, affine, across):
     """Enter the neighbours of solved nodes (M,) with the prediction of right (M, 2) and affine (M, 4).
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, chosen_windows, match_points, prepare
 from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
@@ -117,7 +117,7 @@ def agreeing(found: Matches, grid: NodeGrid, min_neighbours: int, tolerance: flo
     return rejected(found, found.converged & (count < min_neighbours), Outcome.INCONSISTENT)
 
 
-@njit(cache=True)
+@njit()
 def agreement(nodes, step, tolerance):
     """How many of the eight neighbours of a node predict its position within `tolerance` px: (rows, cols) uint8.
 
@@ -144,7 +144,7 @@ def agreement(nodes, step, tolerance):
     return count
 
 
-@njit(cache=True)
+@njit()
 def from_neighbours(nodes, step, wanted):
     """Give wanted nodes that have solved neighbours the mean of their predictions; returns which got one, (rows, cols) bool.
 

@@ -8,8 +8,8 @@ the tile bound the memory, whatever the relief: ranges are then cut around the c
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.volume.paths import UNIT
 
 
@@ -106,7 +106,7 @@ def _cap(wanted: np.ndarray, rules: Ranges) -> int:
     return UNIT
 
 
-@njit(cache=True)
+@njit()
 def _extremes(heights, reach):
     """Lowest, highest and median-like own height of every cell's neighbourhood (rows, cols); NaN without any height in it."""
     rows, cols = heights.shape

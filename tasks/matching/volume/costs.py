@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.volume.candidates import CellRanges
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature
@@ -113,7 +113,7 @@ def stretches(stack: PhotographStack, choice: Choice, candidates: CellRanges, mo
     return np.clip(out / np.float32(ALIKE), 1.0, MOST_STRETCHED)
 
 
-@njit(cache=True)
+@njit()
 def _stretches(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, pixels, parallax, out):
     rows, cols = low.shape
     chosen = np.empty(starts.size, np.int64)
@@ -140,13 +140,13 @@ def _stretches(flat, starts, sizes, planes, spacing, preferred, hidden, low, off
                 out[r, c] = parallax / widest
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _moved(plane, other, r, c):
     """Columns and rows by which a cell moves in a rectified photograph from one plane to another."""
     return (other[0] - plane[0]) * c + other[1] - plane[1], (other[0] - plane[0]) * r + other[2] - plane[2]
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _lookup(flat, start, rows, cols, plane, r, c, none):
     """The signature of a photograph at a cell and plane, `none` outside."""
     col, row = plane[0] * c + plane[1] + np.float32(0.5), plane[0] * r + plane[2] + np.float32(0.5)
@@ -155,7 +155,7 @@ def _lookup(flat, start, rows, cols, plane, r, c, none):
     return none
 
 
-@njit(cache=True)
+@njit()
 def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, share, blank, cost):
     rows, cols = low.shape
     count = starts.size
@@ -213,7 +213,7 @@ def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset,
                 here[k] = np.uint8(mean) if taken[k] > 0 else blank
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _shows(flat, start, size, planes, r, c, none):
     """Whether a photograph shows a cell at any of nine planes spread over its range; the middle first, which is most likely."""
     last = planes.shape[0] - 1
@@ -223,7 +223,7 @@ def _shows(flat, start, size, planes, r, c, none):
     return False
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none, most, chosen):
     """Writes the numbers of the photographs to be compared into `chosen`; returns how many. Those not hidden come first."""
     photos = 0
@@ -240,7 +240,7 @@ def _choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none
     return photos
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _partial_sort(rows, count, take, n):
     """Moves, for each of n columns, the `take` lowest of `count` values to the first rows."""
     for t in range(take):
@@ -253,7 +253,7 @@ def _partial_sort(rows, count, take, n):
                 other[k] = max(x, y)
 
 
-@njit(cache=True)
+@njit()
 def _photographs_at(flat, starts, sizes, planes, hidden, winners, none, out):
     for r in range(winners.shape[0]):
         for c in range(winners.shape[1]):

@@ -4,7 +4,8 @@ Source: Hirschmueller 2008, eq. 13.
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 UNIT = 16
 """The number of candidates of a cell is a multiple of this: so many are processed by one vector instruction."""
@@ -12,7 +13,7 @@ UNIT = 16
 _WALL = np.int16(10000)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _step(before, after, cost, total, lowest, small, large):
     """One step of one path over n candidates; `before` (n + 2,) includes a neighbour on both sides. Returns the lowest of `after`.
 
@@ -30,7 +31,7 @@ def _step(before, after, cost, total, lowest, small, large):
     return least
 
 
-@njit(cache=True)
+@njit()
 def sweep(cost, total, low, offset, candidates, small, large, backwards):
     """Add four paths: along the row and the three from the row above; run backwards, these are the other four.
 

@@ -9,8 +9,8 @@ An epipolar pair has the same form: s = 1, and the right image is offset by the 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.geometry.view import View, ViewNumbers, project_point
 from orthomill.tasks.imagery.pyramid import full_to_level
 
@@ -143,7 +143,7 @@ def _footprint(view: View, z: float) -> tuple[np.ndarray, np.ndarray]:
     return ground.min(axis=0), ground.max(axis=0)
 
 
-@njit(cache=True)
+@njit()
 def _nodes(n: ViewNumbers, x, y, z):
     out = np.empty((y.size, x.size, 2))
     for i in range(y.size):
@@ -152,7 +152,7 @@ def _nodes(n: ViewNumbers, x, y, z):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _resample(grey, nodes, out):
     """Bilinear; the places of the pixels are interpolated between the nodes, every _NODES pixels."""
     rows, cols = grey.shape

@@ -10,8 +10,9 @@ Source: Zabih & Woodfill 1994.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import intrinsic
+
+from orthomill.kernels.kernel_compilation import njit
 
 BITS = {2: 24, 3: 48}
 """half side of the window -> neighbours compared, the greatest distance of two signatures"""
@@ -47,7 +48,7 @@ def signatures(grey: np.ndarray, half: int, stride: int) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@njit()
 def _compare(padded, half, stride, out, one, none):
     rows, cols = out.shape
     reach = half * stride

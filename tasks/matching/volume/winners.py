@@ -11,7 +11,8 @@ nothing at all, the paths still prefer some height, but neighbours are not of on
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 COHERENCE_HALF = 4
 FARTHEST_RIVAL = 16
@@ -42,7 +43,7 @@ def rival_weights(tolerance: float, most: int) -> np.ndarray:
     return np.exp(-np.arange(int(8 * tolerance) + 1) / tolerances[:, None]).astype(np.float32)
 
 
-@njit(cache=True)
+@njit()
 def winners(total, cost, low, offset, photographs, stretch, weights):
     """Winners of packed path sums int16 and costs uint8; photographs (rows, cols) uint8 that are compared; stretch (rows, cols)
     float32, the planes that count as one (1 or more); weights of rivals, see `rival_weights`."""
@@ -89,7 +90,7 @@ def winners(total, cost, low, offset, photographs, stretch, weights):
     return Winners(plane, nearest, own, margin, spread)
 
 
-@njit(cache=True)
+@njit()
 def coherence(heights, tolerance, slope):
     """Share (rows, cols) float32 of the 9 x 9 cells around each (itself not counted) that have a height within its `tolerance`
     (rows, cols) float32 + `slope` * distance in cells; 0 without a height."""

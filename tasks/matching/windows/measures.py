@@ -11,7 +11,8 @@ Source: Skarlatos (sources/matching.md#statistics, #entropy, #foerstner).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 _FRACTION = 40
 """fractional bits in sums of k ln k"""
@@ -71,7 +72,7 @@ def border_rooms(shape: tuple[int, int], pixels: np.ndarray, last: int) -> np.nd
     return np.clip(border, -1, last)
 
 
-@njit(cache=True)
+@njit()
 def data_rooms(levels, pixels, rooms):
     """(N,) int64: `rooms` (those of `border_rooms`) reduced until windows contain no missing data."""
     out = rooms.copy()
@@ -89,7 +90,7 @@ def data_rooms(levels, pixels, rooms):
     return out
 
 
-@njit(cache=True)
+@njit()
 def _entropy(levels, pixels, rooms, first, terms, gains, out):
     counts = np.zeros(256, np.int64)
     for i in range(rooms.size):
@@ -120,7 +121,7 @@ def _entropy(levels, pixels, rooms, first, terms, gains, out):
                 out[i, h - first + 1] = (terms[area] - total) / (1 << _FRACTION) / area
 
 
-@njit(cache=True)
+@njit()
 def _statistics(levels, pixels, rooms, first, out):
     for i in range(rooms.size):
         col, row = pixels[i]
@@ -147,7 +148,7 @@ def _statistics(levels, pixels, rooms, first, out):
                 out[_RANGE, i, k] = high - low
 
 
-@njit(cache=True)
+@njit()
 def _gradient_weights(levels, pixels, rooms, first, out):
     for i in range(rooms.size):
         col, row = pixels[i]

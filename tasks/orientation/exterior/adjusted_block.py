@@ -8,7 +8,6 @@ together where positions or control place them in the project's system; the othe
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from orthomill.schemas.camera import Cameras
@@ -57,9 +56,6 @@ from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
-
-# Workers run several jobs at a time; OpenCV's own threads would compete with them for the same cores.
-cv2.setNumThreads(1)
 
 ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the

@@ -1,7 +1,6 @@
 """The relative orientation of every pair of photographs that shares tie points: the first check of the matches, and the start of
 the block."""
 
-import cv2
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import gammaln
@@ -20,7 +19,6 @@ from orthomill.tasks.orientation.relative.relative_orientation import Relative, 
 from orthomill.tasks.orientation.relative.start_distortion import start_distortion
 from orthomill.tasks.orientation.sensor_frame import Upright
 
-cv2.setNumThreads(1)
 NO_PARALLAX = 0.9
 """A pair has no base where a pure rotation explains this share of the matches that a relative orientation explains. Not all of
 them, because the two further unknowns of a base always fit some wrong matches, too."""

@@ -11,7 +11,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.special import chdtrc, fdtrc
 
 from orthomill.tasks.orientation.sources.evidence import Source, Told
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
@@ -139,10 +139,10 @@ def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Uni
     gain = max(now.misfit - then.misfit, 0.0)
     numbers = 1 if cause is None else len(cause.axes)
     if cause is None or cause.photos.all():
-        return _Trial(causes, unit, then, numbers, float(chi2.sf(gain, numbers)))
+        return _Trial(causes, unit, then, numbers, float(chdtrc(numbers, gain)))
     stated = now.stated - then.stated
     if stated > 0.5 * gain:
-        return _Trial(causes, unit, then, numbers, float(chi2.sf(min(stated, gain), numbers)))
+        return _Trial(causes, unit, then, numbers, float(chdtrc(numbers, min(stated, gain))))
     # The scatter of the positions is estimated from themselves: few of them show little.
     height = now.has.source == Source.HEIGHT
     count = int(height.sum()) - 3 if numbers == 1 else 3 * int(height.sum()) - 7
@@ -150,7 +150,7 @@ def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Uni
     if left < 1:
         return _Trial(causes, unit, then, numbers, 1.0)
     ratio = np.expm1(min(gain / count, 500.0)) * left / numbers
-    return _Trial(causes, unit, then, numbers, float(f.sf(ratio, numbers, left)))
+    return _Trial(causes, unit, then, numbers, float(fdtrc(numbers, left, ratio)))
 
 
 def _offsets(

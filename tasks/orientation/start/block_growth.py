@@ -24,7 +24,6 @@ from orthomill.tasks.orientation.relative.relative_orientation import FLIP
 from orthomill.tasks.orientation.start.pair_joining import LEAST_AGREEING, base_lengths, by_pairs
 from orthomill.tasks.orientation.start.point_consensus import LEAST, PointRays, consensus
 
-cv2.setNumThreads(1)
 LEAST_ANGLE = np.radians(1.5)
 """Points whose rays differ by less are not used while the block grows: the relative error of their depth is the error of a
 direction over this angle, a tenth for 0.15 degrees, which starting values easily have."""

@@ -8,7 +8,8 @@ the largest residual. Every pair of rays is intersected instead, and the place t
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 MOST = 12
 """Rays of a point that are paired: 66 pairs; the others only vote."""
@@ -29,7 +30,7 @@ class PointRays(NamedTuple):
     tolerance: np.ndarray
 
 
-@njit(cache=True)
+@njit()
 def _meeting(a, b, origin, direction, out):
     """Writes the middle of the shortest connection of two rays; False where they are parallel, or meet behind a photograph."""
     w, u, v = origin[a] - origin[b], direction[a], direction[b]
@@ -45,7 +46,7 @@ def _meeting(a, b, origin, direction, out):
     return True
 
 
-@njit(cache=True)
+@njit()
 def _miss(i, place, rays):
     """By how many tolerances a ray misses a place; inf behind its photograph."""
     R, d = rays.rotation[rays.photo[i]], place - rays.origin[i]
@@ -57,7 +58,7 @@ def _miss(i, place, rays):
     return np.sqrt(x * x + y * y) / rays.tolerance[i]
 
 
-@njit(cache=True)
+@njit()
 def _agreeing(rays):
     """(n,) the number of rays that agree with the best place of each point, and (n, 3) these places."""
     count, best = np.zeros(len(rays.first) - 1, np.int64), np.zeros((len(rays.first) - 1, 3))

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Window
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
@@ -73,7 +73,7 @@ def _seen_blocks(triangle: np.ndarray, front: np.ndarray) -> PhotoDepth:
     return PhotoDepth(pixels=triangle.size, fronts=int(fronts), backs=int(backs), cells=cells, cells_across=across)
 
 
-@njit(cache=True)
+@njit()
 def _mark(triangle, front, across, marks):
     """Marks the blocks (cells, blocks) that each square shows; returns the numbers of pixels of fronts and of backs."""
     fronts = backs = 0

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.geometry.distortion import undistort_point
 from orthomill.tasks.geometry.view import View
@@ -113,7 +113,7 @@ def _blurred(light: np.ndarray, sigma: float, halo: int) -> np.ndarray:
     return out
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _floor_at(x, y, floor):
     """(grey value, distance to the nearest edge of a square or board, m) of a point of the floor."""
     half_x, half_y = floor.square * floor.half_columns, floor.square * floor.half_rows
@@ -135,14 +135,14 @@ def _floor_at(x, y, floor):
     return _FLOOR + 14.0 * value_noise(floor.seed + 71, x / 0.03, y / 0.03), nearest
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _ray_at(view, x, y):
     """Undistorted image coordinates in units of c, and the downward component of their ray (with 1 along the optical axis)."""
     x, y = undistort_point(x, y, view)
     return x, y, -(view.r13 * x + view.r23 * y - view.r33)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _seen_floor(view, x, y, down, floor):
     """(grey value, distance to the nearest edge, m) where the ray of undistorted image coordinates meets the floor."""
     depth = view.zc / down
@@ -153,7 +153,7 @@ def _seen_floor(view, x, y, down, floor):
     )
 
 
-@njit(cache=True)
+@njit()
 def _cast_floor(light, view, corner, floor):
     """Fills `light` (rows, cols); `view` is View.numbers, `corner` the row and column of the first pixel."""
     for row in range(light.shape[0]):
@@ -178,7 +178,7 @@ def _cast_floor(light, view, corner, floor):
             light[row, col] = grey
 
 
-@njit(cache=True)
+@njit()
 def _digitise(light, out, sensor):
     """Fills `out` (rows, cols) uint16 from `light` (rows, cols): vignetting, noise, range and rounding."""
     for row in range(out.shape[0]):

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 NO_TRIANGLE = -1
 _NEAR = 0.05
@@ -68,7 +69,7 @@ def cells_of(low: np.ndarray, high: np.ndarray, window: tuple[float, float, floa
     return Cells(first, items, float(left), float(upper), float(size), cols, rows)
 
 
-@njit(cache=True)
+@njit()
 def _sorted_in(number, begin, end, cols, rows):
     first = np.zeros(cols * rows + 1, np.int64)
     for i in range(len(number)):
@@ -102,7 +103,7 @@ def central_boxes(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray
     return low, high
 
 
-@njit(cache=True)
+@njit()
 def nearest(cells, corner, along, above, x, y, origin, ray):
     """(triangle, distance along the ray, and the shares of the second and third corner) that a ray meets first; it projects to (x,
     y). NO_TRIANGLE where it meets none."""
@@ -155,7 +156,7 @@ def shade_of(vertices: np.ndarray, triangles: np.ndarray, towards: np.ndarray, s
     return Shade(right, down, towards, cells_of(corners.min(axis=1), corners.max(axis=1), window, size))
 
 
-@njit(cache=True)
+@njit()
 def is_lit(shade, corner, along, above, place):
     """Whether nothing stands between a point and the light."""
     x = place[0] * shade.right[0] + place[1] * shade.right[1] + place[2] * shade.right[2]
@@ -164,7 +165,7 @@ def is_lit(shade, corner, along, above, place):
     return hit == NO_TRIANGLE
 
 
-@njit(cache=True)
+@njit()
 def lit_all(shade, corner, along, above, places):
     """(N,) bool: whether the light reaches the points (N, 3)."""
     out = np.empty(len(places), np.bool_)

@@ -5,8 +5,8 @@ voussoirs of stone and brick, a painted niche. Detail goes down to 3 mm, about a
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.simulation.portal.portal_mesh import PortalMaterial
 from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
 
@@ -21,7 +21,7 @@ _PLASTER, _CLOTH, _SKIN, _LEAF = (
 )
 
 
-@njit(cache=True)
+@njit()
 def paint(material, s, t, seed, out):
     """Sets `out` (3,) to the reflectance 0 to 255 at the place (s, t) m of a surface."""
     grain = _grain(seed + material, s, t)
@@ -59,19 +59,19 @@ def paint(material, s, t, seed, out):
         out[band] = min(max(out[band] * (1.0 + 0.17 * grain), 4.0), 250.0)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _set(out, red, green, blue):
     out[0], out[1], out[2] = red, green, blue
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _grain(seed, s, t):
     """Weathering in [-1, 1] from decimetres down to millimetres."""
     coarse, middle = value_noise(seed + 1, 6.0 * s, 6.0 * t), value_noise(seed + 2, 47.0 * s, 43.0 * t)
     return 0.4 * (coarse + middle + value_noise(seed + 3, 190.0 * s, 180.0 * t))
 
 
-@njit(cache=True)
+@njit()
 def _masonry(s, t, seed, out):
     course = 0.31
     row = int(np.floor(t / course))
@@ -102,13 +102,13 @@ def _masonry(s, t, seed, out):
         _set(out, (206.0 + warm) * tone * edge, 188.0 * tone * edge, (154.0 - warm) * tone * edge)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _brick(seed, col, row, out):
     tone = 0.75 + 0.45 * uniform_of(seed + 17, col, row)
     _set(out, 166.0 * tone, 94.0 * tone, 66.0 * tone)
 
 
-@njit(cache=True)
+@njit()
 def _voussoirs(s, t, seed, out):
     wedge = int(np.floor(s / 0.19))
     u = s - 0.19 * wedge
@@ -125,7 +125,7 @@ def _voussoirs(s, t, seed, out):
         _set(out, 212.0 * tone, 196.0 * tone, 164.0 * tone)
 
 
-@njit(cache=True)
+@njit()
 def _slabs(material, s, t, seed, out):
     long, deep = (0.95, 10.0) if material == _STEPS else (0.72, 0.55)
     row = int(np.floor(t / deep))
@@ -139,7 +139,7 @@ def _slabs(material, s, t, seed, out):
         _set(out, 190.0 * tone + worn, 184.0 * tone + worn, 170.0 * tone + worn)
 
 
-@njit(cache=True)
+@njit()
 def _fresco(s, t, seed, out):
     band = t / 0.12
     if int(np.floor(band)) % 5 == 0:
@@ -162,7 +162,7 @@ def _fresco(s, t, seed, out):
         _set(out, 204.0, 192.0, 168.0)
 
 
-@njit(cache=True)
+@njit()
 def _wood(s, t, seed, out):
     panel_s, panel_t = (s % 0.35) - 0.175, (t % 0.54) - 0.27
     frame = abs(panel_s) > 0.125 or abs(panel_t) > 0.215

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.distortion import undistort_point
 from orthomill.tasks.geometry.view import View
@@ -139,7 +139,7 @@ def _arrays(scene: LitScene) -> tuple[np.ndarray | Shade, ...]:
     )
 
 
-@njit(cache=True)
+@njit()
 def _light_of(arrays, hit, share, other, place, seed, out):
     """Adds the light that a place of triangle `hit` sends into every direction to `out` (3,)."""
     corner, along, above, normals, triangles, places, material, sky, shade, targets = arrays
@@ -163,7 +163,7 @@ def _light_of(arrays, hit, share, other, place, seed, out):
         out[band] += np.float32(0.25) * np.float32(min(1.2 * light, 1.05) * colour[band])
 
 
-@njit(cache=True)
+@njit()
 def _cast_central(out, n, corner_px, centre, axes, cells, arrays, seed):
     ray, place = np.empty(3), np.empty(3)
     for row in range(out.shape[0]):
@@ -198,7 +198,7 @@ def front_orthoimage(grid: MapGrid, window: Window, seed: int) -> tuple[np.ndarr
     return light, depth
 
 
-@njit(cache=True)
+@njit()
 def _cast_parallel(out, depth, frame, corner_px, cells, arrays, seed):
     west, north, cell = frame
     ray, origin, place = np.array([0.0, 1.0, 0.0]), np.empty(3), np.empty(3)
@@ -244,7 +244,7 @@ def sees(scene: LitScene, view: View, places: np.ndarray) -> np.ndarray:
     return out & inside
 
 
-@njit(cache=True)
+@njit()
 def _see(places, centre, axes, cells, facets, out):
     ray = np.empty(3)
     for i in range(len(places)):

@@ -1,7 +1,8 @@
 """Signalised points on the portal: black and white quarters of 6 cm, as total stations and people find them."""
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 RADIUS = 0.030
 """m of the quarters; a white rim of a third of it is round them"""
@@ -19,7 +20,7 @@ TARGETS = np.array(_PLACES)
 CONTROL = 18
 
 
-@njit(cache=True)
+@njit()
 def on_target(targets, place, normal, colour):
     """Replaces the reflectance `colour` (3,) where a target is painted."""
     # All targets are on surfaces that face the street.

@@ -7,8 +7,8 @@ meets leaves, the wire or the ground, or leaves it again and walks on.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.simulation.scene.crowns import LAYER, LOWEST, TreeColumn, leaves_at, paint_litter, stamp_crowns, stand_in_wind
@@ -98,7 +98,7 @@ def _set_poles(
         height[at], building[at], colours[at] = pz, POLE_NUMBER, POLE_COLOUR
 
 
-@njit(cache=True)
+@njit()
 def _hang_wires(height, building, number, axes, spans):
     """Raises cells that a wire crosses to its top, where nothing else stands."""
     x, y = axes
@@ -116,7 +116,7 @@ def _hang_wires(height, building, number, axes, spans):
                     number[row, col] = -k
 
 
-@njit(cache=True)
+@njit()
 def first_seen(columns, aloft, ray, start, end):
     """As `first_hit`, but rays pass through the gaps of what is aloft."""
     kind, s, row, col = first_hit(columns, ray, start, end)
@@ -130,7 +130,7 @@ def first_seen(columns, aloft, ray, start, end):
     return kind, s, row, col
 
 
-@njit(cache=True)
+@njit()
 def _met_aloft(aloft, ray, row, col, top, enter, leave):
     """What a ray meets in the cell (row, col) below `top` (m) between the depths `enter` and `leave`: (kind, depth)."""
     number = aloft.number[row, col]
@@ -153,7 +153,7 @@ def _met_aloft(aloft, ray, row, col, top, enter, leave):
     return NOTHING, leave
 
 
-@njit(cache=True)
+@njit()
 def _first_leaves(aloft, ray, k, top, enter, leave):
     """The depth at which the ray meets leaves of tree `k`, layer by layer; -1 where it meets none."""
     foot = aloft.stand[k, TreeColumn.FOOT]

@@ -8,8 +8,8 @@ them along, the farther the higher they are.
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.simulation.scene.hash_noise import uniform_of, value_noise
 from orthomill.tasks.simulation.scene.layout import Scene
 from orthomill.tasks.simulation.scene.sunlight import AMBIENT, SUN
@@ -70,7 +70,7 @@ def stand_in_wind(scene: Scene, photo: int) -> np.ndarray:
     return stand
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def crown_top(stand, k, seed, x, y):
     """Height of the envelope of tree `k` at (x, y), m; -inf beside it."""
     # The envelope is carried by the bend at four fifths of the height, where most of it is.
@@ -88,7 +88,7 @@ def crown_top(stand, k, seed, x, y):
     return foot + height * (0.55 + 0.45 * np.sqrt(1.0 - d) - 0.14 * lobes) + rough
 
 
-@njit(cache=True)
+@njit()
 def stamp_crowns(height, building, number, axes, stand, seed):
     """Raises `height` (rows, cols) to the crowns where there is no building and sets `number` to that of the tree, from 1; of two
     trees the higher one is visible. `axes`: x (cols,) and y (rows,) of the cells' centres."""
@@ -108,7 +108,7 @@ def stamp_crowns(height, building, number, axes, stand, seed):
                         number[row, col] = k + 1
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def leaves_at(stand, k, seed, x, y, z, top):
     """Brightness of the leaves of tree `k` at a point, relative to their mean; 0 where there are none. `top`: envelope above it."""
     foot = stand[k, TreeColumn.FOOT]
@@ -130,7 +130,7 @@ def leaves_at(stand, k, seed, x, y, z, top):
     return 0.0 if drawn >= filled else 0.7 + 0.6 * drawn / filled
 
 
-@njit(cache=True)
+@njit()
 def leaf_colour(stand, k, seed, point, top, brightness, out):
     """Sets `out` to the colour of leaves at `point` (x, y, z): sunlit on the side of the sun, darker inside the crown."""
     x, y, z = point
@@ -147,7 +147,7 @@ def leaf_colour(stand, k, seed, point, top, brightness, out):
         out[band] = np.float32(min(_LEAVES[tone, band] * light, 250.0))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def litter_colour(seed, x, y, out):
     """Sets `out` to the colour of the ground below crowns, in the shade."""
     factor = 0.62 * (1.0 + 0.15 * value_noise(seed + _Noise.LITTER, x / 0.8, y / 0.8))
@@ -155,7 +155,7 @@ def litter_colour(seed, x, y, out):
         out[band] = np.float32(_LITTER[band] * factor)
 
 
-@njit(cache=True)
+@njit()
 def paint_crowns(colours, number, height, place, stand, seed):
     """Sets `colours` (rows, cols, 3) of cells with a crown to what four vertical rays see of it.
 
@@ -178,7 +178,7 @@ def paint_crowns(colours, number, height, place, stand, seed):
                 colours[row, col, band] = np.uint8(total[band] + np.float32(0.5))
 
 
-@njit(cache=True)
+@njit()
 def _seen_from_above(stand, k, seed, x, y, top, out):
     """Sets `out` to the first leaves below the envelope, or the ground under the crown."""
     layer = int(np.floor(top / LAYER))
@@ -195,7 +195,7 @@ def _seen_from_above(stand, k, seed, x, y, top, out):
     litter_colour(seed, x, y, out)
 
 
-@njit(cache=True)
+@njit()
 def paint_litter(colours, covered, place, seed):
     """Sets `colours` (rows, cols, 3) of the `covered` cells to the ground below crowns; `place` as for `paint_crowns`."""
     west, north, cell = place

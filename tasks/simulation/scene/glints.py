@@ -1,8 +1,8 @@
 """Water as a photograph shows it: waves and glints that are elsewhere in every photograph, so that nothing can be matched."""
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.simulation.scene.ground_texture import WATER_COLOUR, PaintedWindow
@@ -26,7 +26,7 @@ def with_glints(painted: PaintedWindow, grid: MapGrid, window: Window, seed: int
     return PaintedWindow(painted.surface, colours)
 
 
-@njit(cache=True)
+@njit()
 def _ripple(colours, water, axes, seed):
     """Sets the colours (rows, cols, 3) of the water cells; `axes`: x (cols,) and y (rows,) of the cells' centres."""
     x, y = axes

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
@@ -116,7 +116,7 @@ def flat_mosaic() -> np.ndarray:
     return np.asarray(cv2.divide(grey, np.maximum(mean, 20), scale=_FLAT))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _mosaic_at(mosaic, x, y):
     """Brightness ratio of the mosaic (1: as its surroundings) at x, y in its pixels, mirrored at its borders."""
     rows, cols = mosaic.shape
@@ -132,7 +132,7 @@ def _mosaic_at(mosaic, x, y):
     return (top * (1.0 - fy) + bottom * fy) / _FLAT
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _roof_factor(seed, house, x, y, building):
     """Pattern of a roof: rows of tiles along the slope of a gabled one, patches of felt on a flat one."""
     cos, sin = house[HouseColumn.COS], house[HouseColumn.SIN]
@@ -145,7 +145,7 @@ def _roof_factor(seed, house, x, y, building):
     return 1.0 + 0.24 * patch + 0.10 * value_noise(key + 3, p / 1.1, q / 1.1)
 
 
-@njit(cache=True)
+@njit()
 def _paint(colours, canvas):
     """Fills `colours` (rows, cols, 3)."""
     seed = canvas.seed

@@ -7,7 +7,8 @@ numba turns a uint64 together with an int64 into a float64: every constant and s
 """
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 # SplitMix64: the increment is 2^64 over the golden ratio, the two multipliers mix high bits into low ones (Stafford's variant 13).
 _INCREMENT = np.uint64(0x9E3779B97F4A7C15)
@@ -22,7 +23,7 @@ _LOW_16 = np.uint64(0xFFFF)
 _NORMAL_MEAN, _NORMAL_SCALE = 131070.0, np.sqrt(3.0) / 65536.0
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def mixed(value):
     """A uint64 scrambled to a uint64: one step of SplitMix64."""
     value = value + _INCREMENT
@@ -31,7 +32,7 @@ def mixed(value):
     return value ^ (value >> _SHIFT_3)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def hash_of(seed, first, second):
     """uint64 hash of a seed and two integers, negative ones included."""
     inner = mixed(np.uint64(seed) * _MULTIPLIER_1 + np.uint64(np.int64(first)))
@@ -39,13 +40,13 @@ def hash_of(seed, first, second):
     return mixed(inner + np.uint64(np.int64(second)) * _INCREMENT)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def uniform_of(seed, first, second):
     """A number in [0, 1) that belongs to a seed and two integers."""
     return float(hash_of(seed, first, second) >> _TO_MANTISSA) * (1.0 / _MANTISSA)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def normal_of(seed, first, second):
     """A number of mean 0 and standard deviation 1 that belongs to a seed and two integers: the sum of four uniform ones.
 
@@ -59,7 +60,7 @@ def normal_of(seed, first, second):
     return (total - _NORMAL_MEAN) * _NORMAL_SCALE
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def value_noise(seed, x, y):
     """Smooth noise in [-1, 1] over the plane, with lattice points at integers."""
     column, row = np.floor(x), np.floor(y)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.simulation.scene.crowns import stamp_crowns, stand_at_rest
@@ -68,7 +68,7 @@ def bare_ground(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return height
 
 
-@njit(cache=True)
+@njit()
 def _sum_of_products(fx, fy):
     """(M, N) sum over k of fx[k, N] * fy[k, M], always added in the same order."""
     # BLAS chooses its order by the shape of the matrices: windows of different size would differ in the last bit.
@@ -124,7 +124,7 @@ def _set_roads(scene: Scene, x: np.ndarray, y: np.ndarray, material: np.ndarray)
         material[np.abs(across - centre) < (half[None, :] if along_x else half[:, None])] = _ROAD
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def parcel_at(seed, x, y):
     """The field that a point belongs to: its two numbers and the distance to its border, m."""
     cos, sin = np.cos(PARCEL[2]), np.sin(PARCEL[2])
@@ -137,7 +137,7 @@ def parcel_at(seed, x, y):
     return np.int64(col), np.int64(row), min(min(fu, PARCEL[0] - fu), min(fv, PARCEL[1] - fv))
 
 
-@njit(cache=True)
+@njit()
 def _classify(material, x, y, places, seed):
     """Fields outside the town and off the hill, streets inside the town, open ground elsewhere."""
     for row in range(material.shape[0]):
@@ -158,7 +158,7 @@ def _classify(material, x, y, places, seed):
             material[row, col] = code
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _range_of(low, high, first, step, count):
     """The cells whose centres first + k * step may lie in [low, high]."""
     a, b = (low - first) / step, (high - first) / step
@@ -167,7 +167,7 @@ def _range_of(low, high, first, step, count):
     return max(int(np.floor(a)), 0), min(int(np.ceil(b)) + 1, count)
 
 
-@njit(cache=True)
+@njit()
 def _stamp_buildings(height, material, building, x, y, table):
     """Sets roof heights on all cells whose centre lies inside a floor plan. `table` as in `Buildings.table`."""
     dx, dy = x[1] - x[0], y[1] - y[0]

@@ -2,7 +2,8 @@
 so that a shadow is found by one sweep."""
 
 import numpy as np
-from numba import njit
+
+from orthomill.kernels.kernel_compilation import njit
 
 SUN_ELEVATION = np.radians(47.0)
 SUN = np.array([np.cos(SUN_ELEVATION) / np.sqrt(2.0), -np.cos(SUN_ELEVATION) / np.sqrt(2.0), np.sin(SUN_ELEVATION)])
@@ -25,7 +26,7 @@ def light_on(height: np.ndarray, cell: float) -> np.ndarray:
     return light
 
 
-@njit(cache=True)
+@njit()
 def _sweep_shadow(height, drop, shadow):
     """The share of direct sunlight that is blocked, from the height of the shadow's upper bound carried along the diagonal."""
     # Two rows of bounds suffice: the sun is on the diagonal, so every cell is shaded by its south-eastern neighbour only.
@@ -41,7 +42,7 @@ def _sweep_shadow(height, drop, shadow):
             bound[now, col] = max(above, z)
 
 
-@njit(cache=True)
+@njit()
 def _shade(height, shadow, cell, sun, light):
     """Lambert's law with ambient light; steps steeper than `_STEEPEST` count as level."""
     rows, cols = height.shape
@@ -56,7 +57,7 @@ def _shade(height, shadow, cell, sun, light):
             light[row, col] = AMBIENT + (1.0 - AMBIENT) * direct
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def limited_slope(before, here, after, limit):
     """Height difference per cell from those neighbours that are not across a wall (a step above `limit`, m)."""
     left, right = here - before, after - here

@@ -12,8 +12,8 @@ u = u0 + s du, v = v0 + s dv, z = z0 - s, with s the depth below its origin in m
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.simulation.flight import BLOCK
 from orthomill.tasks.simulation.scene.sunlight import limited_slope
@@ -59,7 +59,7 @@ def columns_of(height: np.ndarray, window: Window, cell: float) -> VerticalColum
     return VerticalColumns(tops, highest, window.row, window.col, step)
 
 
-@njit(cache=True)
+@njit()
 def _tops(height, step, tops, highest):
     """Fills the planes of all columns and the highest points of their blocks."""
     rows, cols = height.shape
@@ -75,7 +75,7 @@ def _tops(height, step, tops, highest):
                 highest[row // BLOCK, col // BLOCK] = peak
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def exit_of(low_u, low_v, size, ray):
     """Depth s at which a ray leaves the square [low, low + size], and whether it leaves it across a border in u."""
     su = np.inf
@@ -93,7 +93,7 @@ def exit_of(low_u, low_v, size, ray):
     return sv, False
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _above(tops, row, col, ray, cu, cv):
     """(a, b): the ray at depth s is a - s b above the top plane of the column (cu, cv), `row` and `col` of the window."""
     height, gu, gv = tops[row, col, 0], tops[row, col, 1], tops[row, col, 2]
@@ -101,14 +101,14 @@ def _above(tops, row, col, ray, cu, cv):
     return above, 1.0 + gu * ray.du + gv * ray.dv
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _block_at(columns, ray, s):
     """The block (bu, bv) of the whole grid that the ray passes at depth s, and the first block of the window."""
     bu, bv = int(np.floor((ray.u0 + s * ray.du) / BLOCK)), int(np.floor((ray.v0 + s * ray.dv) / BLOCK))
     return bu, bv, columns.col // BLOCK, columns.row // BLOCK
 
 
-@njit(cache=True)
+@njit()
 def first_hit(columns, ray, start, end):
     """What the ray meets first between the depths `start` and `end` (m): (kind, s, row, col), row and col in the window."""
     tops, highest = columns.tops, columns.highest
@@ -155,7 +155,7 @@ def first_hit(columns, ray, start, end):
     return NOTHING, s, 0, 0
 
 
-@njit(cache=True)
+@njit()
 def widened(highest):
     """The highest point of each block and of the eight around it."""
     rows, cols = highest.shape
@@ -170,7 +170,7 @@ def widened(highest):
     return out
 
 
-@njit(cache=True)
+@njit()
 def safe_start(columns, high, ray, start):
     """A depth above which no ray that stays within a block of this one meets anything; `high` as from `widened`."""
     step_u, step_v = (1 if ray.du > 0.0 else -1), (1 if ray.dv > 0.0 else -1)
@@ -191,7 +191,7 @@ def safe_start(columns, high, ray, start):
             bv += step_v
 
 
-@njit(cache=True)
+@njit()
 def is_free(columns, ray, depth, clear):
     """Whether nothing is between a point on the surface at `depth` below the ray's origin and the depth `clear` (m).
 

@@ -1,8 +1,8 @@
 """Which photographs truly see each cell: inside the photo, and nothing between the cell and the projection centre."""
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.view import View, project_point
 from orthomill.tasks.simulation.scene.layout import Scene
@@ -39,7 +39,7 @@ def visibility(views: tuple[View, ...], grid: MapGrid, window: Window, wide: Win
     return seen
 
 
-@njit(cache=True)
+@njit()
 def _visibility(seen, bit, n, place, corner, columns):
     """Sets `bit` of every cell that one photograph sees; `n` is `View.numbers`."""
     west, north, cell = place

@@ -6,8 +6,8 @@ that they occlude and are occluded like everything else.
 """
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import OPEN_MATERIALS
 from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow
@@ -122,7 +122,7 @@ def _on_streets(scene: Scene, generator: np.random.Generator) -> np.ndarray:
     return np.array([x, y, town.angle + np.where(up[inside], np.pi / 2, 0.0)])
 
 
-@njit(cache=True)
+@njit()
 def _stamp(height, building, colours, free, axes, vehicles, numbers):
     """Lifts free cells under each vehicle to its roof; the windscreen is a dark band across it."""
     x, y = axes

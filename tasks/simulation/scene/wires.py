@@ -3,8 +3,8 @@
 from enum import IntEnum
 
 import numpy as np
-from numba import njit
 
+from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.simulation.scene.layout import Scene, ground_at, pond_distance
 
 POLE_NUMBER = 65535
@@ -40,7 +40,7 @@ def spans_of(scene: Scene) -> np.ndarray:
     return spans[pond_distance(scene.pond, 0.5 * (along[:-1] + along[1:]), 0.5 * (y[:-1] + y[1:])) > 1.5]
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def off_span(span, x, y):
     """Share of the way along a span (clamped to its ends) and distance from it in plan (m)."""
     dx, dy = span[SpanColumn.TO_X] - span[SpanColumn.X], span[SpanColumn.TO_Y] - span[SpanColumn.Y]
@@ -49,14 +49,14 @@ def off_span(span, x, y):
     return share, np.sqrt((east - share * dx) ** 2 + (north - share * dy) ** 2)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def wire_height(span, share):
     """Height of the wire, m: a parabola, which a catenary of so little sag is."""
     straight = span[SpanColumn.Z] + share * (span[SpanColumn.TO_Z] - span[SpanColumn.Z])
     return straight - 4.0 * _SAG * share * (1.0 - share)
 
 
-@njit(cache=True)
+@njit()
 def near_spans(marked, axes, spans, reach):
     """Sets `marked` (rows, cols) int32 to the number of the span, from 1, of cells within `reach` (m) of it in plan.
 

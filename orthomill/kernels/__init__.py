@@ -1,0 +1,1 @@
+"""Compiled kernels: the decorator that all rooms use, and where what it compiles is kept. Stands below everything."""

@@ -1,0 +1,51 @@
+"""Importing the product changes nothing for the program that does it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+OTHERS = ["scipy.ndimage", "rasterio", "pyproj", "zarr", "distributed", "matplotlib", "xarray", "pyarrow", "laspy"]
+OTHERS += ["bokeh.plotting", "trimesh", "typer", "PIL", "jinja2"]
+PROGRAM = """
+import os
+import signal
+import warnings
+from importlib import import_module
+
+import cv2
+import numba
+from numba.core import caching, dispatcher
+
+def state():
+    return (
+        dict(os.environ),
+        cv2.getNumThreads(),
+        numba.config.CACHE_DIR,
+        dispatcher.FunctionCache is caching.FunctionCache,
+        numba.get_num_threads(),
+        list(warnings.filters),
+        [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)],
+    )
+
+cv2.setNumThreads(3)
+# Libraries of others may do what they want when they are imported: they are there already.
+for library in OTHERS:
+    try:
+        import_module(library)
+    except ImportError:
+        pass
+before = state()
+for name in NAMES:
+    import_module(name)
+assert state() == before, (state(), before)
+"""
+
+
+def test_no_module_changes_opencv_numba_the_environment_or_signals_when_it_is_imported():
+    files = [path for folder in ("schemas", "tasks", "pipeline") for path in sorted((ROOT / folder).rglob("*.py"))]
+    names = [".".join(("orthomill", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__") for path in files]
+    names += [f"orthomill.{path.stem}" for path in sorted((ROOT / "orthomill").glob("*.py")) if path.stem != "__init__"]
+    program = PROGRAM.replace("NAMES", repr(names)).replace("OTHERS", repr(OTHERS))
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[-3000:]
