@@ -8,9 +8,10 @@ CODE := orthomill schemas tasks pipeline tests benchmarks
 project ?= volos
 photos ?=
 options ?=
+only ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types format bench bench-rtk-flight bench-time bench-tile-map bench-map-cost bench-remaining-time bench-brighton bench-orientation bench-matching bench-window-sizes bench-matching-speed bench-calibration bench-orientation-simulated bench-adjustment bench-orthoimage bench-camera-constants bench-registration bench-published-bundles bench-layouts bench-flights bench-growth bench-vll bench-guided bench-guide compare chaos docs clean clean-all bench-texture bench-meshes
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types format bench bench-stale docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -72,89 +73,11 @@ format: $(STAMP) ## Format the code and mend what the linter can mend
 	@$(BIN)/ruff check --fix $(CODE)
 	@$(BIN)/ruff format $(CODE)
 
-bench: $(STAMP) ## Measure the figures in benchmarks/results
-	@$(BIN)/python -m benchmarks
+bench: $(STAMP) ## What can be measured; only=volos,matching measures these (options="runs/volos" for one of them)
+	@$(BIN)/python -m benchmarks $(only) $(if $(options),-- $(options))
 
-bench-orientation: $(STAMP) ## Orientation of real photographs, beside COLMAP where it is installed
-	@$(BIN)/python -m benchmarks.orientation.orientation_real
-
-bench-rtk-flight: $(STAMP) ## A public RTK flight with defaults: is its floor flat, do its tags fit (options="FOLDER --surface")
-	@$(BIN)/python -m benchmarks.orientation.rtk_flight $(options)
-
-bench-time: $(STAMP) ## Where the time goes, stage by stage (options="runs/volos ..." for runs that are finished)
-	@$(BIN)/python -m benchmarks.time_by_stage $(options)
-
-bench-tile-map: $(STAMP) ## What the map of a million tiles costs the scheduler and a browser (needs Playwright and a Chromium)
-	@$(BIN)/python -m benchmarks.watching.tile_map $(options)
-
-bench-map-cost: $(STAMP) ## What the map of tiles costs a finished run: make project=volos bench-map-cost
-	@$(BIN)/python -m benchmarks.watching.map_cost $(project)
-
-bench-remaining-time: $(STAMP) ## Estimates of the remaining time beside what came, in recorded runs
-	@$(BIN)/python -m benchmarks.watching.remaining_time $(options)
-
-bench-brighton: $(STAMP) ## The drone block by code, beside a peer, and disjoint strips (options="runs/brighton")
-	@$(BIN)/python -m benchmarks.brighton $(options)
-
-bench-matching: $(STAMP) ## Measure matching beside the published experiments (options="--quick")
-	@$(BIN)/python -m benchmarks.matching.published_tables $(options)
-
-bench-window-sizes: $(STAMP) ## Measure what choosing a matching window costs
-	@$(BIN)/python -m benchmarks.matching.window_sizes
-
-bench-matching-speed: $(STAMP) ## Measure the points per second of least-squares matching
-	@$(BIN)/python -m benchmarks matching_speed
-
-compare: $(STAMP) ## All ways to heights side by side: docs/compare.md (options="runs/volos runs/brighton")
-	@$(BIN)/python -m benchmarks.compare.compare_methods $(options)
-
-bench-guided: $(STAMP) ## Guided densification beside its published figures (options=runs/volos)
-	@$(BIN)/python -m benchmarks.compare.guided_study $(options)
-
-bench-guide: $(STAMP) ## What an existing height model brings to every way to heights (options=runs/brighton)
-	@$(BIN)/python -m benchmarks.compare.guide_study $(options)
-
-bench-vll: $(STAMP) ## Vertical line locus beside its published study
-	@$(BIN)/python -m benchmarks.vll.line_locus_study
-
-bench-calibration: $(STAMP) ## Measure the calibration beside OpenCV: many seeds, rendered and real photographs
-	@$(BIN)/python -m benchmarks.calibration.calibration_accuracy
-
-bench-orthoimage: $(STAMP) ## The orthoimage of a run beside orthority (options="runs/volos PYTHON")
-	@$(BIN)/python -m benchmarks.orthoimage_peers $(options)
-
-bench-texture: $(STAMP) ## Solid surfaces: kernels beside ray casting, remedies of occlusion limits
-	@$(BIN)/python -m benchmarks.texture.texture_acceptance
-
-bench-meshes: $(STAMP) ## Photographs and meshes of other programs, every photograph left out (options="FOLDER ...")
-	@$(BIN)/python -m benchmarks.texture.foreign_meshes $(options)
-
-bench-camera-constants: $(STAMP) ## Camera constants that real blocks find, with their standard errors, beside references
-	@$(BIN)/python -m benchmarks.orientation.camera_constants
-
-bench-published-bundles: $(STAMP) ## Self-calibration on the geometry of three published applications
-	@$(BIN)/python -m benchmarks.orientation.published_bundles
-
-bench-layouts: $(STAMP) ## Sixty layouts of photographs with planted blunders: what converges, what is named
-	@$(BIN)/python -m benchmarks.orientation.planted_layouts $(options)
-
-bench-flights: $(STAMP) ## Simulated flights with wrong cameras and all kinds of positions: bends, stated and named (options="--quick")
-	@$(BIN)/python -m benchmarks.flights.simulated_flights $(options)
-
-bench-registration: $(STAMP) ## Joint registration of simulated scans: precision that is true
-	@$(BIN)/python -m benchmarks.orientation.scan_registration
-
-bench-orientation-simulated: $(STAMP) ## Orientation on simulated measurements: precision that is true
-	@$(BIN)/python -m benchmarks.orientation.orientation_simulated
-
-bench-growth: $(STAMP) ## From files to a block with 100, 300 and 1000 rendered photographs (options="folder=FOLDER 100 300")
-	@$(BIN)/python -m benchmarks.orientation.growth.run_growth $(options)
-
-bench-adjustment: $(STAMP) ## Growth of the adjustment up to 1000 photographs (options="against=CHECKOUT")
-	@$(BIN)/python -m benchmarks.orientation.adjustment_growth $(options)
-
-chaos: $(STAMP) ## Kill runs in every way, damage stores, compare bit for bit (options="--kills 100 --damages 200 --seed 0")
-	@$(BIN)/python -m benchmarks.trust.chaos $(options)
+bench-stale: $(STAMP) ## Pages of results that are older than the code that they measure
+	@$(BIN)/python -m benchmarks stale
 
 docs: $(STAMP) ## Write the generated pages of docs/ and the documentation site to .cache/site
 	@$(BIN)/orthomill reference

@@ -1,7 +1,7 @@
 """The drone block of a wooded shore: what of it has a height and by which code, how it compares with a peer's cloud, and whether
 surfaces from disjoint strips agree within their standard errors.
 
-`python -m benchmarks.brighton` runs the shipped project in a folder of its own; `python -m benchmarks.brighton runs/brighton` tells
+`python -m benchmarks brighton` runs the shipped project in a folder of its own; `python -m benchmarks brighton runs/brighton` tells
 of a finished run. There is no truth. The peer's cloud (OpenDroneMap's, of the same photographs in full resolution; ORTHOMILL_DATA
 names the folder of the shared data) is compared after a plane, for either block is placed by the GPS of the drone alone. For the
 strips the middle one and the two others are run anew with the orientation of the run: they share its datum and nothing else.
@@ -9,7 +9,6 @@ strips the middle one and the two others are run anew with the orientation of th
 
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,7 +21,8 @@ import yaml
 from scipy import ndimage
 
 import orthomill as library
-from benchmarks.measured_run import ROOT, machine, orthomill, project_root, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, orthomill, project_root, run_folders, run_project
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
@@ -304,7 +304,7 @@ def page(run: Path, strips: tuple[Path, ...]) -> str:
     """The page of results of a finished run and of the runs of its strips."""
     cells, block = judged_cells(run), library.open(run).block
     seen, classes = seen_twice(cells, block), class_numbers(cells.grid)
-    lines = [f"# {PROJECT}: codes, a peer, and disjoint strips", "", f"`python -m benchmarks.brighton`; {machine()}.", ""]
+    lines = [f"# {PROJECT}: codes, a peer, and disjoint strips", ""]
     lines += ["## Ground that two photographs see, by code (%)", "", *completeness_rows(cells, seen, classes), ""]
     lines += ["## Standard errors among neighbours", "", *sigma_rows(cells, seen), ""]
     if CLOUD.is_file():
@@ -313,19 +313,13 @@ def page(run: Path, strips: tuple[Path, ...]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def main(folders: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Write the page: of the finished run in the first folder, or of a new one; further folders are the runs of its strips."""
     with tempfile.TemporaryDirectory() as scratch:
-        if not folders:
+        if not words:
             root = project_root(Path(scratch) / "whole", PROJECT)
-            done = orthomill(root, "run", PROJECT)
-            if done.code != 0:
-                raise SystemExit(done.output)
-        run = Path(folders[0]) if folders else root / "runs" / PROJECT
+            run_project(root, PROJECT)
+        run, *given = run_folders(words) if words else (root / "runs" / PROJECT,)
         cell = library.open(run).table(SURFACE).grid.cell
-        strips = tuple(map(Path, folders[1:])) or tuple(strip_runs(run, Path(scratch), cell))
-        write_result(PROJECT, page(run, strips))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+        strips = tuple(given) or tuple(strip_runs(run, Path(scratch), cell))
+        write_page(PROJECT, words, page(run, strips))

@@ -1,11 +1,11 @@
 """What each stage takes for a megapixel of photographs, of finished runs; and how the forecast from the others would have been.
 
-`python -m benchmarks.forecast_rates RUN...` prints the rates that `pipeline/forecast/rates.py` holds.
+`python -m benchmarks forecast_rates RUN...` prints the rates that `pipeline/forecast/rates.py` holds.
 """
 
-import sys
 from pathlib import Path
 
+from benchmarks.measured_run import run_folders
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.storage.store import Store
 
@@ -30,15 +30,11 @@ def _rate(records: list[Record], pixels: float) -> tuple[float, float, float, fl
     return len(records) / pixels, megabytes / pixels, seconds / pixels, peak / 2**20
 
 
-def main(runs: list[Path]) -> None:
+def main(words: list[str]) -> None:
     """Print the rates of all runs, stage by stage."""
-    found = {run.name: rates(run) for run in runs}
+    found = {run.name: rates(run) for run in run_folders(words)}
     for stage in sorted({stage for of_run in found.values() for stage in of_run}):
         for name, of_run in found.items():
             if stage in of_run:
                 jobs, megabytes, seconds, peak = of_run[stage]
                 print(f"{stage:14} {name:12} Rate({jobs:.1f}, {megabytes:.1f}, {seconds:.2f}, {peak:.0f})")
-
-
-if __name__ == "__main__":
-    main([Path(word) for word in sys.argv[1:]])

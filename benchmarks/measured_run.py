@@ -1,8 +1,6 @@
 """Runs the command as a user would, in a folder of its own, and watches the memory of all its processes."""
 
 import json
-import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -13,8 +11,7 @@ from pathlib import Path
 
 import psutil
 
-ROOT = Path(__file__).parent.parent
-RESULTS = Path(__file__).parent / "results"
+from benchmarks.instrument.result_page import ROOT
 
 
 @dataclass(frozen=True)
@@ -63,29 +60,24 @@ def _watch(pid: int, peak: list[int]) -> None:
         time.sleep(0.1)
 
 
+def run_project(root: Path, project: str) -> MeasuredRun:
+    """Run a project. Raises SystemExit with what it printed where it fails."""
+    run = orthomill(root, "run", project)
+    if run.code != 0:
+        raise SystemExit(run.output)
+    return run
+
+
+def run_folders(words: list[str], *projects: str) -> tuple[Path, ...]:
+    """Folders of runs: those that are named, or those of `projects` in this checkout. Raises SystemExit for one that is none."""
+    folders = tuple(map(Path, words)) or tuple(ROOT / "runs" / project for project in projects)
+    missing = [folder for folder in folders if not (folder / "jobs").is_dir()]
+    if missing or not folders:
+        what = f"{missing[0]} is not the folder of a run" if missing else "Name the folder of a run"
+        raise SystemExit(f"{what}; `make project={projects[0] if projects else 'volos'} run` makes one.")
+    return folders
+
+
 def summary(root: Path, project: str) -> dict:
     """The summary.json of a run."""
     return json.loads((root / "runs" / project / "summary.json").read_text())
-
-
-def machine() -> str:
-    """One line about the machine that figures were measured on."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    model = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "")
-    return (
-        f"{os.cpu_count()} cores ({model or platform.machine()}), {psutil.virtual_memory().total / 2**30:.0f} GiB, "
-        f"Python {platform.python_version()}, {time.strftime('%Y-%m-%d')}"
-    )
-
-
-def revision() -> str:
-    """The commit of the code that is measured, as it stands on a page of results."""
-    words = ["git", "-C", str(ROOT), "log", "-1", "--format=%h"]
-    return "commit " + (subprocess.run(words, capture_output=True, text=True).stdout.strip() or "unknown")
-
-
-def write_result(name: str, text: str) -> None:
-    """Print a page of results and keep it."""
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / f"{name}.md").write_text(text)
-    print(text)

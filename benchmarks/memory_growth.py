@@ -1,7 +1,5 @@
 """Does memory grow with the project? The small simulated project against one of four times the area, and against more pairs of
 photographs over the same place.
-
-Run with `python -m benchmarks.memory_growth`.
 """
 
 import tempfile
@@ -11,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from benchmarks.measured_run import MeasuredRun, machine, orthomill, project_root, revision, summary, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import MeasuredRun, orthomill, project_root, summary
 from benchmarks.orientation.growth.rolling_land import BASE, BETWEEN, MARGIN, Land, stations, write_photograph
 from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.storage.store import Store
@@ -136,20 +135,11 @@ def pairs_lines(scratch: Path) -> list[str]:
     ]
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Run all and write the page."""
-    lines = [
-        "# Memory against the size of the project",
-        "",
-        f"`python -m benchmarks.memory_growth`; {machine()}, {revision()}.",
-        "",
-    ]
+    lines = ["# Memory against the size of the project", ""]
     with tempfile.TemporaryDirectory() as scratch:
         for table in (pairs_lines, area_lines):
             lines += table(Path(scratch))
             # Of the long run what is done is kept.
-            write_result("memory_growth", "\n".join(lines))
-
-
-if __name__ == "__main__":
-    main()
+            write_page("memory_growth", words, "\n".join(lines))

@@ -1,4 +1,4 @@
-"""The true orthoimage beside orthority, and where its shift comes from: `python -m benchmarks.orthoimage_peers RUN [PYTHON]`.
+"""The true orthoimage beside orthority, and where its shift comes from: `python -m benchmarks orthoimage RUN [PYTHON]`.
 
 RUN is the folder of a finished project, PYTHON the interpreter of an environment that has orthority (`pip install orthority` in an
 environment of its own). Both programs get the same photographs, block, surface and cells. orthority puts one photograph after the
@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 import rasterio
 
-from benchmarks.measured_run import RESULTS, machine
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.orientation import BLOCK, Block
@@ -218,11 +219,9 @@ def _mean_shift(store: Store, ortho: np.ndarray, place: Window, corner: tuple[in
     return f"{found.dx[known].mean():+.3f} | {found.dy[known].mean():+.3f} | {int(known.sum())}"
 
 
-def main(arguments: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Measure both programs on a run, and the shift where the truth is known; write benchmarks/results/orthoimage.md."""
-    if not arguments:
-        raise SystemExit("Give the folder of a finished run, and the Python of an environment with orthority.")
-    folder, python = Path(arguments[0]), arguments[1] if len(arguments) > 1 else sys.executable
+    (folder,), python = run_folders(words[:1], "volos"), words[1] if len(words) > 1 else sys.executable
     store = Store(folder)
     with tempfile.TemporaryDirectory() as scratch:
         write_photographs(store, Path(scratch))
@@ -232,7 +231,6 @@ def main(arguments: list[str]) -> None:
     lines = [
         "# The true orthoimage beside orthority, and its shift",
         "",
-        f"`python -m benchmarks.orthoimage_peers {folder.name} PYTHON`, {machine()}.",
         f"One thread; the same photographs, block, surface and cells of {cell:g} m. orthority puts single photographs on the",
         "ground; orthomill also tests what each of them sees, balances their brightness, rejects outlying colours and blends.",
         "Photo pixels: values of photographs put on the ground.",
@@ -256,9 +254,4 @@ def main(arguments: list[str]) -> None:
             "the measurements of its control points, which no orthoimage can remove.",
             "",
         ]
-    (RESULTS / "orthoimage.md").write_text("\n".join(lines))
-    print("\n".join(lines))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("orthoimage", words, "\n".join(lines))

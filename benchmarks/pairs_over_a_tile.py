@@ -1,4 +1,4 @@
-"""Does the job of a surface tile need more memory with more pairs over it? `python -m benchmarks.pairs_over_a_tile RUN`.
+"""Does the job of a surface tile need more memory with more pairs over it? `python -m benchmarks pairs_over_a_tile RUN`.
 
 The tile of a finished run that most pairs show, with these pairs again and again until there are 10, 40 and 100: every number of
 pairs in a process of its own, whose largest memory the system reports. What a run of so many photographs takes in all its stages
@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measured_run import machine, revision, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Stream
@@ -63,21 +64,14 @@ def measured(run: Path, number: int) -> tuple[float, float]:
     return float(printed[-2]), float(printed[-1])
 
 
-def main(arguments: list[str]) -> None:
-    """The page of all numbers, or, with a number, what a process of its own prints."""
-    run = Path(arguments[0])
-    if len(arguments) > 1:
-        store = Store(run)
-        job = busiest_job(store)
-        seconds = run_with(store, job, int(arguments[1]))
-        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, seconds)
-        return
+def main(words: list[str]) -> None:
+    """The page of all numbers of pairs."""
+    (run,) = run_folders(words, "volos")
     found = [(number, *measured(run, number)) for number in NUMBERS]
     own = len(Store(run).table(PAIRS).pairs)
     lines = [
         "# Memory of a surface tile under more and more pairs",
         "",
-        f"`python -m benchmarks.pairs_over_a_tile {run}`; {machine()}, {revision()}.",
         f"One tile of {TILE} x {TILE} cells of {run.name}, whose pairs ({own} in the block) are read again and again; every row",
         "is a process of its own, planning of the stage included.",
         "",
@@ -86,8 +80,11 @@ def main(arguments: list[str]) -> None:
         *(f"| {number} | {memory:.0f} | {seconds:.1f} |" for number, memory, seconds in found),
         "",
     ]
-    write_result("pairs_over_a_tile", "\n".join(lines))
+    write_page("pairs_over_a_tile", words, "\n".join(lines))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    # Of a process of its own: the folder of the run and the number of pairs.
+    finished = Store(Path(sys.argv[1]))
+    spent = run_with(finished, busiest_job(finished), int(sys.argv[2]))
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, spent)

@@ -1,8 +1,8 @@
 """Does the surface check find planted errors? A tilt of +-5 m and twenty bumps of +-3 m on the surface of a finished run.
 
-    python -m benchmarks.planted_errors runs/volos
+    python -m benchmarks planted_errors runs/volos
 
-The benchmark of the embedded project calls it on its own run and keeps the page.
+The study of the embedded project calls it on its own run and keeps the page.
 
 Strategy. The surface that the run measured is deformed, checked in one piece by the functions of `dsm_check`, and the result is
 compared with the planted errors: sign, position and amplitude of every bump, and the tilt. How much of a bump is recovered depends
@@ -11,7 +11,6 @@ ground that the check of the untouched surface confirms, once anywhere a height 
 counted, too; real errors of that surface are among them. Works on arrays: `check` and `recovered` can be used from a notebook.
 """
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,8 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from benchmarks.deformation import Bump, Deformation, planted, shape_of
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import photo_raster
@@ -236,24 +236,14 @@ def scene_of_run(folder: Path) -> tuple[Scene, np.ndarray]:
     return Scene(block, pairs, surface, read), store.read(HEIGHT, store.spec(HEIGHT).full)
 
 
-def write_page(folder: Path) -> None:
+def main(words: list[str]) -> None:
     """Measure on a finished run and keep the page."""
-    write_result(
-        "planted_errors",
-        "\n".join(
-            [
-                "# Does the check find planted errors?",
-                "",
-                f"`python -m benchmarks.planted_errors {folder.name}`; {machine()}.",
-                "",
-                "A tilt of +-5 m and twenty bumps of +-3 m of each radius, planted on the measured surface.",
-                "",
-                run(*scene_of_run(folder)),
-            ]
-        )
-        + "\n",
-    )
-
-
-if __name__ == "__main__":
-    write_page(Path(sys.argv[1]))
+    (folder,) = run_folders(words, "volos")
+    lines = [
+        "# Does the check find planted errors?",
+        "",
+        "A tilt of +-5 m and twenty bumps of +-3 m of each radius, planted on the measured surface.",
+        "",
+        run(*scene_of_run(folder)),
+    ]
+    write_page("planted_errors", words, "\n".join(lines))

@@ -1,11 +1,10 @@
-"""The picture of the README from a finished run: `python -m benchmarks.readme_picture runs/brighton docs/pictures/brighton.jpg`.
+"""The picture of the README from a finished run: `python -m benchmarks readme_picture runs/brighton docs/pictures/brighton.jpg`.
 
 Orthoimage, surface, origin of the heights and check side by side, drawn by the report's own painters, each with its caption and its
 legend. Pale is what has no value. All four show the same ground: what the orthoimage covers.
 """
 
 import base64
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -111,12 +110,8 @@ def sheet(store: Store) -> Figure:
     return figure
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Draw and write."""
-    target = Path(sys.argv[2])
+    target = Path(words[1])
     target.parent.mkdir(parents=True, exist_ok=True)
-    sheet(Store(Path(sys.argv[1]))).savefig(target, pil_kwargs={"optimize": True, "quality": 88})
-
-
-if __name__ == "__main__":
-    main()
+    sheet(Store(Path(words[0]))).savefig(target, pil_kwargs={"optimize": True, "quality": 88})

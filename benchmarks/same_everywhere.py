@@ -1,11 +1,10 @@
 """Are the products the same bit for bit: sequential and Dask, one worker and four, small tiles and large ones?
 
-Run with `python -m benchmarks.same_everywhere`. Uses the small simulated project. `python -m benchmarks.same_everywhere RUN OTHER`
-compares two folders of runs instead, for example of the same project before and after a change of the code.
+Uses the small simulated project. `python -m benchmarks same_everywhere RUN OTHER` compares two folders of runs instead, for
+example of the same project before and after a change of the code.
 """
 
 import hashlib
-import sys
 import tempfile
 from collections import Counter
 from itertools import chain
@@ -14,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from benchmarks.measured_run import ROOT, machine, orthomill, project_root, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, orthomill, project_root, run_folders
 from orthomill.pipeline.storage.store import Store
 
 PROJECT = "volos_small"
@@ -76,10 +76,10 @@ def print_comparison(reference: Path, run: Path) -> None:
     print("| run | rasters and tables of both | equal | differ |", line, *details, sep="\n")
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Compare two runs that are named, or run all variants and write the page."""
-    if len(sys.argv) == 3:
-        print_comparison(Path(sys.argv[1]), Path(sys.argv[2]))
+    if words:
+        print_comparison(*run_folders(words))
         return
     with tempfile.TemporaryDirectory() as scratch:
         runs = {name: run_variant(Path(scratch) / name.replace(" ", "_"), words) for name, words in VARIANTS.items()}
@@ -87,13 +87,12 @@ def main() -> None:
             runs[f"tile {tile}"] = run_variant(Path(scratch) / f"tile_{tile}", ("--workers", "2"), tile)
         reference = runs.pop("sequential")
         rows, details = zip(*(compared(reference, run, name) for name, run in runs.items()), strict=True)
-    write_result(
+    write_page(
         "same_everywhere",
+        words,
         "\n".join(
             [
                 "# The same products, whoever runs them",
-                "",
-                f"`python -m benchmarks.same_everywhere`; {machine()}.",
                 "",
                 f"Project `{PROJECT}`, whose own tile is {OWN_TILE} px.",
                 "",
@@ -109,7 +108,3 @@ def main() -> None:
         )
         + "\n",
     )
-
-
-if __name__ == "__main__":
-    main()

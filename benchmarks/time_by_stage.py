@@ -1,15 +1,15 @@
 """Where the time goes: processor time of every stage of finished runs, for each megapixel of their photographs.
 
-Run with `python -m benchmarks.time_by_stage RUN...` (folders of finished runs); without folders two shipped projects are run first.
+`python -m benchmarks time_by_stage RUN...` reads finished runs; without folders two shipped projects are run first.
 Processor time and not wall-clock time: it is the same on an idle and on a busy machine, and adds up over workers.
 """
 
-import sys
 import tempfile
 from pathlib import Path
 
 import orthomill as library
-from benchmarks.measured_run import machine, orthomill, project_root, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import project_root, run_folders, run_project
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, read_facts
 
 PROJECTS = ("volos", "brighton")
@@ -57,7 +57,7 @@ def _row(name: str, stages: tuple[StageRun, ...], whole: float, pixels: float) -
 
 def page(runs: tuple[Path, ...]) -> str:
     """The tables of finished runs. Raises SystemExit for a folder without one."""
-    lines = ["# Where the time goes", "", f"`python -m benchmarks.time_by_stage`; {machine()}. Kernels compiled before.", ""]
+    lines = ["# Where the time goes", "", "Kernels compiled before.", ""]
     for run in runs:
         facts = read_facts(run)
         if facts is None or not facts.stages:
@@ -66,19 +66,11 @@ def page(runs: tuple[Path, ...]) -> str:
     return "\n".join(lines)
 
 
-def main(folders: list[str]) -> None:
-    """Write the page of the runs in `folders`, or of the shipped projects, run in a folder of their own."""
-    if folders:
-        write_result("time_by_stage", page(tuple(map(Path, folders))))
-        return
+def main(words: list[str]) -> None:
+    """Write the page of the runs that are named, or of the shipped projects, run in a folder of their own."""
     with tempfile.TemporaryDirectory() as scratch:
         root = project_root(Path(scratch), *PROJECTS)
-        for project in PROJECTS:
-            run = orthomill(root, "run", project)
-            if run.code != 0:
-                raise SystemExit(run.output)
-        write_result("time_by_stage", page(tuple(root / "runs" / project for project in PROJECTS)))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+        for project in () if words else PROJECTS:
+            run_project(root, project)
+        runs = run_folders(words or [str(root / "runs" / project) for project in PROJECTS])
+        write_page("time_by_stage", words, page(runs))

@@ -1,19 +1,19 @@
 """The embedded project and the same town from another seed against their truth, beside what they are to reach.
 
-`python -m benchmarks.volos` runs both in a folder of their own (volos twice: once from nothing, once unchanged);
-`python -m benchmarks.volos runs/volos runs/volos_second` tells of finished runs instead. Every figure is read from summary.json or
+`python -m benchmarks volos` runs both in a folder of their own (volos twice: once from nothing, once unchanged);
+`python -m benchmarks volos runs/volos runs/volos_second` tells of finished runs instead. Every figure is read from summary.json or
 measured from outside; nothing is computed here that the report does not show.
 """
 
 import json
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks import planted_errors
-from benchmarks.measured_run import MeasuredRun, machine, orthomill, project_root, summary, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import MeasuredRun, orthomill, project_root, run_folders, run_project, summary
 
 PROJECTS = ("volos", "volos_second")
 MIB = 2**20
@@ -165,7 +165,7 @@ def page(runs: dict[str, Figures], about_runs: list[str]) -> str:
         "Share of the cells seen twice; share beyond 1 m; within 2 (93 to 97) / beyond 4 (1 or less) of their standard errors; "
         "the same of those among neighbours, without the datum's error. All in %."
     )
-    lines = ["# volos against its truth", "", f"`python -m benchmarks.volos`; {machine()}. Times vary with the load.", ""]
+    lines = ["# volos against its truth", "", "Times vary with the load.", ""]
     crowns = (
         "Heights on trees, through whose gaps photographs truly see the ground: at the crown / at the ground below / at neither "
         "(1 m); within 2 / beyond 4 of their standard errors among neighbours from the nearer of the two. All in %. Every other "
@@ -175,27 +175,17 @@ def page(runs: dict[str, Figures], about_runs: list[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _run(root: Path, project: str) -> MeasuredRun:
-    run = orthomill(root, "run", project)
-    if run.code != 0:
-        raise SystemExit(run.output)
-    return run
-
-
-def main(folders: list[str]) -> None:
-    """Write the page: of finished runs in `folders`, or of new ones."""
-    if folders:
-        write_result("volos", page({Path(f).name: json.loads((Path(f) / "summary.json").read_text()) for f in folders}, []))
+def main(words: list[str]) -> None:
+    """Write the page: of the finished runs that are named, or of new ones."""
+    if words:
+        folders = run_folders(words)
+        write_page("volos", words, page({folder.name: json.loads((folder / "summary.json").read_text()) for folder in folders}, []))
         return
     with tempfile.TemporaryDirectory() as scratch:
         root = project_root(Path(scratch), *PROJECTS)
-        measured = [_run(root, project) for project in PROJECTS]
+        measured = [run_project(root, project) for project in PROJECTS]
         runs = {project: summary(root, project) for project in PROJECTS}
         second = orthomill(root, "run", PROJECTS[0])
         about = run_rows(measured[0], second, summary(root, PROJECTS[0]))
-        planted_errors.write_page(root / "runs" / PROJECTS[0])
-    write_result("volos", page(runs, about))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+        planted_errors.main([str(root / "runs" / PROJECTS[0])])
+    write_page("volos", words, page(runs, about))

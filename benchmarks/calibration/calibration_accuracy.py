@@ -1,14 +1,13 @@
 """Calibration from several boards: accuracy over many seeds, corners of rendered photos, real photos compared with OpenCV, and
 time.
 
-Run with `make bench-calibration`; the page is benchmarks/results/calibration.md. Real photographs are read from ../shared/data (or
+`python -m benchmarks calibration` writes benchmarks/results/calibration.md. Real photographs are read from ../shared/data (or
 ORTHOMILL_DATA) and /usr/share/doc/opencv-doc (or OPENCV_DOC); sets that are absent are left out. With WHOLE=1 the set of 34
 photographs of 20 megapixels is rendered (two minutes, once) and calibrated as a whole.
 """
 
 import glob
 import os
-import platform
 import re
 import time
 from collections.abc import Iterator
@@ -20,6 +19,7 @@ import numpy as np
 
 from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, BoardSetup, floor_corners, places_of, views_of
 from benchmarks.calibration.calibration_large import large_photos, whole_set
+from benchmarks.instrument.result_page import write_page
 from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
@@ -37,7 +37,6 @@ from orthomill.tasks.simulation.boards.board_scene import BoardType
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("ORTHOMILL_DATA", ROOT.parent / "shared" / "data"))
 DOC = Path(os.environ.get("OPENCV_DOC", "/usr/share/doc/opencv-doc"))
-PAGE = ROOT / "benchmarks" / "results" / "calibration.md"
 NOISE = {"twelve_boards": 0.945, "six_boards": 0.383, "six_boards_longer": 0.375, "five_boards": 0.467}
 """px: sigma0 of the published adjustments"""
 SEEDS = int(os.environ.get("SEEDS", "50"))
@@ -248,9 +247,7 @@ def page() -> str:
     lines = [
         "# Calibration from several chessboards",
         "",
-        f"Measured by `make bench-calibration` on {platform.machine()}, {os.cpu_count()} cores, Python "
-        f"{platform.python_version()}, OpenCV "
-        f"{cv2.__version__}; seconds are CPU seconds of one core.",
+        f"OpenCV {cv2.__version__}; seconds are CPU seconds of one core.",
         "",
         f"## Published set-ups, {SEEDS} seeds each (places of boards, photos and noise)",
         "",
@@ -310,7 +307,6 @@ def page() -> str:
     return "\n".join(lines)
 
 
-if __name__ == "__main__":
-    PAGE.parent.mkdir(parents=True, exist_ok=True)
-    PAGE.write_text(page())
-    print(PAGE.read_text())
+def main(words: list[str]) -> None:
+    """Measure and write the page."""
+    write_page("calibration", words, page())

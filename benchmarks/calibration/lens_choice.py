@@ -1,11 +1,10 @@
 """Real photographs of one board that nobody here has taken: boards found, held out on all corners beside OpenCV, random halves.
 
-Run with `python -m benchmarks.calibration.lens_choice FOLDER:COLUMNSxROWS ...`; the page is benchmarks/results/foreign_boards.md,
-where rows of sets that are not named are kept. The corners are the same for all: those of every whole board that orthomill finds.
+`python -m benchmarks foreign_boards FOLDER:COLUMNSxROWS ...` writes benchmarks/results/foreign_boards.md, where rows of sets that
+are not named are kept. The corners are the same for all: those of every whole board that orthomill finds.
 The folders hold the photographs of public repositories; their names are those of SOURCES.
 """
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -16,7 +15,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchmarks.measured_run import machine
+from benchmarks.instrument.result_page import RESULTS, write_page
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.project import CameraFromChessboards
 from orthomill.tasks.calibration.detection.board_photographs import photo_corners
@@ -26,7 +25,7 @@ from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS,
 from orthomill.tasks.calibration.solving.model_choice import choice, compare, half_of
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
-PAGE = Path(__file__).parents[1] / "results" / "foreign_boards.md"
+PAGE = RESULTS / "foreign_boards.md"
 HALVES = 10
 CHECKED = 3
 """c, x0 and y0 are compared between halves."""
@@ -183,8 +182,6 @@ def page(rows: dict[str, str]) -> str:
         [
             "# Sets of boards that others photographed",
             "",
-            f"Measured by `python -m benchmarks.calibration.lens_choice FOLDER:COLUMNSxROWS ...` on {machine()}.",
-            "",
             "Every second photograph is held out: its pose is estimated with the interior orientation of the others, and the root "
             f"mean square is that of **all** corners. {HALVES} random halves: share of c, x0 and y0 that differ by less than two "
             "of their stated standard errors. Bend: the largest of the board, in per cent of its longer side. Seconds are those of "
@@ -210,11 +207,12 @@ def known_rows() -> dict[str, str]:
     return {line.split("|")[1].strip(): line for line in rows}
 
 
-if __name__ == "__main__":
+def main(words: list[str]) -> None:
+    """Measure the sets that are named."""
     cv2.setNumThreads(1)
-    for argument in sys.argv[1:]:
+    for argument in words:
         place, _, size = argument.rpartition(":")
         columns, lines = map(int, size.split("x"))
         # Written after every set: a long list that is stopped keeps what it has.
-        PAGE.write_text(page(known_rows() | {Path(place).name: row(Path(place).name, Path(place), (columns, lines))}))
-    print(PAGE.read_text())
+        rows = known_rows() | {Path(place).name: row(Path(place).name, Path(place), (columns, lines))}
+        write_page("foreign_boards", words, page(rows))

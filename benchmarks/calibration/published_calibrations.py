@@ -1,6 +1,6 @@
 """Standard errors against the number of photographs, several boards beside a single large one: the published tables and ours.
 
-Run with `python -m benchmarks.calibration.published_calibrations`; the page is benchmarks/results/published_calibrations.md. The
+`python -m benchmarks published_calibrations` writes benchmarks/results/published_calibrations.md. The
 published photographs are not to be had: set-ups of the same boards, lens and number of photographs are simulated with the published
 sigma0 as noise, and adjusted with the published five parameters and flat boards.
 
@@ -9,14 +9,13 @@ Source: Kawka 2021, tables 4-8, 4-16, 4-23, 4-36 (several boards), 4-38 to 4-48 
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOARDS, SIX_BOARDS_LONGER, TWELVE_BOARDS, BoardSetup
 from benchmarks.calibration.calibration_accuracy import NOISE, corners_of
 from benchmarks.calibration.horizon_pose import pose_by_horizon
-from benchmarks.measured_run import machine
+from benchmarks.instrument.result_page import write_page
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.naming.board_names import name_boards, plane_views
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
@@ -25,7 +24,6 @@ from orthomill.tasks.calibration.solving.conic_start import interior_from_conic
 from orthomill.tasks.calibration.solving.initial_pose import pose_of_projection
 from orthomill.tasks.simulation.boards.board_scene import BoardType
 
-PAGE = Path(__file__).parents[1] / "results" / "published_calibrations.md"
 LARGE_BOARD = {"boards": 1, "board": BoardType((12, 9), 0.1, 0.02), "straight": True}
 """A single board of the extent of six, parallel to the floor's axes, as the published one"""
 SINGLE = replace(SIX_BOARDS, name="six_boards, one board", **LARGE_BOARD)
@@ -178,8 +176,6 @@ def page() -> str:
         [
             "# Published calibrations against the number of photographs",
             "",
-            f"Measured by `python -m benchmarks.calibration.published_calibrations` on {machine()}.",
-            "",
             "Published / simulated. k1 in 1e-10 px^-2, k2 in 1e-17 px^-4. The published photographs are others (their layout is "
             "not stated), so that orders and rates compare, not digits. Published single boards were adjusted with FAUCCAL.",
             "",
@@ -209,6 +205,6 @@ def page() -> str:
     )
 
 
-if __name__ == "__main__":
-    PAGE.write_text(page())
-    print(PAGE.read_text())
+def main(words: list[str]) -> None:
+    """Measure and write the page."""
+    write_page("published_calibrations", words, page())

@@ -1,18 +1,18 @@
 """What a check costs: processor time of every pass for each megapixel of orthoimage pair, and how little later rounds look at.
 
-    python -m benchmarks.checking.check_cost runs/check-model ...
+    python -m benchmarks check_cost runs/check-model ...
 
 Strategy. The records of a finished check (`orthomill check SURFACE --sequential`) hold the processor time of every job. The pixels
 of a pass are those of its orthoimages that both photographs of a pair show, each pair once. A later round makes orthoimages of
 the small tiles around what the round before changed; its pixels are compared with those of the first pass.
 """
 
-import sys
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.pipeline.records.records import Records
 from orthomill.pipeline.storage.store import Store
 
@@ -92,17 +92,13 @@ def _row(one: Pass, first: Pass) -> str:
     return f"| {one.name} | {one.jobs} | {one.pixels:.2f} | {share} | {parts} | {each} |"
 
 
-def write_page(folders: list[Path]) -> None:
+def main(words: list[str]) -> None:
     """Measure finished checks and keep the page."""
     lines = [
         "# What a check costs",
         "",
-        f"`python -m benchmarks.checking.check_cost`; {machine()}. To reach: 2 CPU-s per Mpx of orthoimage pair for one pass.",
+        "To reach: 2 CPU-s per Mpx of orthoimage pair for one pass.",
         "",
-        *(line for folder in folders for line in table(folder)),
+        *(line for folder in run_folders(words) for line in table(folder)),
     ]
-    write_result("check_cost", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    write_page([Path(word) for word in sys.argv[1:]])
+    write_page("check_cost", words, "\n".join(lines))

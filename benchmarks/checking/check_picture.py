@@ -1,17 +1,17 @@
 """The picture of a check for the documentation: corrections on the left, what the check says of every cell on the right.
 
-    python -m benchmarks.checking.check_picture runs/check-model docs/pictures/check.png [METRES]
+    python -m benchmarks check_picture runs/check-model docs/pictures/check.png [METRES]
 
 Blue: the surface is too high by METRES (1) or more; red: too low. The codes have the colours of the report.
 """
 
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import rasterio
 
+from benchmarks.measured_run import run_folders
 from orthomill.schemas.surface import CHECK_CODES, CheckCode
 
 _WIDTH = 460
@@ -45,5 +45,8 @@ def write_picture(run: Path, target: Path, reach: float) -> None:
     cv2.imwrite(str(target), cv2.cvtColor(picture(dh, np.nan_to_num(code), reach), cv2.COLOR_RGB2BGR))
 
 
-if __name__ == "__main__":
-    write_picture(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]) if len(sys.argv) > 3 else 1.0)
+def main(words: list[str]) -> None:
+    """Draw the picture of a run."""
+    if len(words) < 2:
+        raise SystemExit("Name the folder of a check and the picture to write, and the metres of full colour if they are not 1.")
+    write_picture(run_folders(words[:1])[0], Path(words[1]), float(words[2]) if len(words) > 2 else 1.0)

@@ -1,6 +1,6 @@
 """The shift that a check finds of a surface from elsewhere, beside the one that it was given.
 
-    python -m benchmarks.checking.foreign_shift runs/volos [ROWS COLS]
+    python -m benchmarks foreign_shift runs/volos [ROWS COLS]
 
 Strategy. The true surface of a simulated run is checked against the run's photographs and adjusted cameras: as it is, smoothed as
 surfaces of other programs are (Gauss, 2 and 4 cells), and in wider cells; each at its place and displaced in plan and height by
@@ -8,7 +8,6 @@ two amounts. What `orthomill check` says of the shift is compared with what was 
 a datum error of its own, which the surface that nobody touched shows: errors are told from there.
 """
 
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +17,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.checking.planted_rounds import Ground, checked, ground_of
-from benchmarks.measured_run import machine, summary, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders, summary
 
 SIDES = 560, 680
 """cells of the part that is checked, in the middle of the surface"""
@@ -85,8 +85,6 @@ def page(folder: Path, sides: tuple[int, int]) -> str:
         [
             "# Shift of a surface from elsewhere",
             "",
-            f"`python -m benchmarks.checking.foreign_shift runs/{folder.name} {sides[0]} {sides[1]}`; {machine()}.",
-            "",
             f"Cells of {ground.grid.cell:g} m. The block itself lies {_lengths(datum)} m from the truth (east, north, up), by the "
             "true surface at its place; errors are told from there.",
             "",
@@ -112,6 +110,7 @@ def _lengths(values: tuple[float, ...]) -> str:
     return ", ".join(f"{value:+.3f}" for value in values)
 
 
-if __name__ == "__main__":
-    run = Path(sys.argv[1])
-    write_result("foreign_shift", page(run, (int(sys.argv[2]), int(sys.argv[3])) if len(sys.argv) > 2 else SIDES))
+def main(words: list[str]) -> None:
+    """Measure on a run, in a part of it of ROWS x COLS cells."""
+    (folder,) = run_folders(words[:1], "volos")
+    write_page("foreign_shift", words, page(folder, (int(words[1]), int(words[2])) if len(words) > 2 else SIDES))

@@ -1,6 +1,6 @@
 """Norvelle's iterative refinement beside the deterministic correction: the same errors, the same noise, pass by pass.
 
-    python -m benchmarks.checking.norvelle_rounds
+    python -m benchmarks norvelle_rounds
 
 Strategy. The published pair (Skarlatos, table 4.3) and its deformation (4.19), scaled to +-0.1 to +-41 m. What matching would find
 is computed: where either orthoimage, made with the wrong surface, shows a true point, with noise of that position. After every pass
@@ -16,8 +16,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
+from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.dissertation_surface import heights
-from benchmarks.measured_run import machine, write_result
 from orthomill.tasks.dsm_check.height_correction import Centres, NorvelleCorrection, RayCorrection, correct
 
 CENTRES = Centres(np.array([10000.0, 10000.0, 1900.0]), np.array([11104.0, 10000.0, 1900.0]))
@@ -90,12 +90,10 @@ def _row(size: float, what: str, error: np.ndarray, seconds: float) -> str:
     )
 
 
-def write_page() -> None:
+def main(words: list[str]) -> None:
     """Measure and keep the page."""
     lines = [
         "# The deterministic correction and Norvelle's refinement",
-        "",
-        f"`python -m benchmarks.checking.norvelle_rounds`; {machine()}.",
         "",
         f"Published pair and deformation (4.19); a match errs by {NOISE} px of {PIXEL} m along either axis. Published: 0.036 m "
         f"and 95 % of "
@@ -105,8 +103,4 @@ def write_page() -> None:
         "| --- | --- | --- | --- | --- | --- |",
         *[row for size in SIZES for row in compared(size)],
     ]
-    write_result("norvelle_rounds", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    write_page()
+    write_page("norvelle_rounds", words, "\n".join(lines))

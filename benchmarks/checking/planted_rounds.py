@@ -1,6 +1,6 @@
 """Planted bumps against the whole check: second surface, rounds and several pairs, as `orthomill check` runs it.
 
-    python -m benchmarks.checking.planted_rounds runs/volos [ROWS COLS]
+    python -m benchmarks planted_rounds runs/volos [ROWS COLS]
 
 Strategy. The true surface of a simulated run, whose error is known in every cell, is checked against the run's photographs and
 adjusted cameras: as it is, with bumps of +-0.5 to +-25 m and 3 to 60 cells of radius, and with an error of just the detectable
@@ -14,7 +14,6 @@ at (1100 x 1400).
 
 import os
 import re
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,8 @@ from rasterio.transform import from_origin
 from scipy.ndimage import binary_dilation, gaussian_filter, median_filter
 
 from benchmarks.deformation import Bump, shape_of
-from benchmarks.measured_run import machine, orthomill, summary, write_result
+from benchmarks.instrument.result_page import RESULTS, write_page
+from benchmarks.measured_run import orthomill, run_folders, summary
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.observations import GROUND_POINTS
@@ -207,8 +207,6 @@ def page(folder: Path, sides: tuple[int, int]) -> str:
         [
             "# Planted bumps against the whole check",
             "",
-            f"`python -m benchmarks.checking.planted_rounds runs/{folder.name} {sides[0]} {sides[1]}`; {machine()}.",
-            "",
             f"The true surface of {ground.grid.rows} x {ground.grid.cols} cells of {ground.grid.cell:g} m, {len(bumps)} bumps. "
             f"CPU of `orthomill check` with everything before it: {seconds:.0f} s untouched, {more:.0f} s with the bumps.",
             "",
@@ -264,9 +262,9 @@ def _untouched(ground: Ground, answer: dict[str, np.ndarray]) -> list[str]:
     ]
 
 
-if __name__ == "__main__":
-    run = Path(sys.argv[1])
-    write_result(
-        "planted_rounds" if run.name == "volos" else f"planted_rounds_{re.sub('[^a-z0-9]', '_', run.name)}",
-        page(run, (int(sys.argv[2]), int(sys.argv[3])) if len(sys.argv) > 2 else SIDES) + "\n",
-    )
+def main(words: list[str]) -> None:
+    """Measure on a run, in a part of it of ROWS x COLS cells; every other run than that of volos has a page of its own."""
+    (folder,) = run_folders(words[:1], "volos")
+    text = page(folder, (int(words[1]), int(words[2])) if len(words) > 2 else SIDES)
+    own = "" if folder.name == "volos" else f"_{re.sub('[^a-z0-9]', '_', folder.name)}"
+    write_page("planted_rounds", words, text, RESULTS / f"planted_rounds{own}.md")

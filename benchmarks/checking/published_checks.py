@@ -1,6 +1,6 @@
 """Tables 4.20 to 4.22 of the published check with a stand-in for its data, beside the printed values.
 
-    python -m benchmarks.checking.published_checks
+    python -m benchmarks published_checks
 
 Strategy. The real pair, its 18343 manual points and the two commercial surfaces are not public. In their place stand a smooth
 surface with the published geometry (1:17000, base 1542 m, 1500 x 1200 m) and three surfaces whose errors have the published size:
@@ -20,8 +20,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.stats import jarque_bera, norm
 
 from benchmarks.checking.norvelle_rounds import Surface, seen_on
+from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.dissertation_surface import heights
-from benchmarks.measured_run import machine, write_result
 from orthomill.tasks.dsm_check.height_correction import Centres, RayCorrection, correct
 
 WEST, SOUTH, WIDTH, HEIGHT = 10020.0, 9400.0, 1500.0, 1200.0
@@ -114,15 +114,13 @@ def counted() -> list[str]:
     return lines
 
 
-def write_page() -> None:
+def main(words: list[str]) -> None:
     """Compute and keep the page."""
     after = checked(surfaces()["commercial triangulation"])[1]
     normality = jarque_bera(after[np.isfinite(after)])
     four = "mean | std | RMS | mean abs"
     lines = [
         "# The published check with a stand-in for its data",
-        "",
-        f"`python -m benchmarks.checking.published_checks`; {machine()}.",
         "",
         "Tables 4.20 and 4.22 of the source; errors of surfaces, matches and manual points are those of the stand-in (see the",
         "module). The source trims its corrected rows at 95 %, and not the given ones: compare printed *given* with ours, printed",
@@ -145,8 +143,4 @@ def write_page() -> None:
         "Table 4.15 (relative orientation after the check, synthetic) contradicts itself: for kappa 0.0010 degrees and 0.0031 m",
         "are printed, and 0.0010 degrees over 1900 m are 0.033 m. One of the two columns is wrong by ten.",
     ]
-    write_result("published_checks", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    write_page()
+    write_page("published_checks", words, "\n".join(lines))

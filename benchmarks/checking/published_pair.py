@@ -1,6 +1,6 @@
 """The published pair with an error of +-41 m on its surface, rendered and checked: one pass, and the loop.
 
-    python -m benchmarks.checking.published_pair
+    python -m benchmarks published_pair
 
 Strategy. Both photographs (10866 x 10866 px) are rendered from the shipped texture, once clean and once with noise, and a gain and
 offset of the right one. The true surface, deformed by equation 4.19, is handed to `orthomill.check`, which knows nothing but
@@ -22,9 +22,9 @@ import cv2
 import numpy as np
 import xarray as xr
 
+from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.dissertation_pair import CLEAN, NOISY, GroundTexture, PairRadiometry, ground_texture, rendered
 from benchmarks.matching.dissertation_surface import FLYING_HEIGHT, PIXEL, SIDE, STATION_X, STATION_Y, C, PublishedPhoto, heights
-from benchmarks.measured_run import machine, write_result
 from orthomill import check
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
@@ -112,7 +112,7 @@ def row(name: str, area: tuple[float, float, float, float], stage: DsmCheckStage
     return f"| {name} | {x.size / 1e6:.1f} | {kept:.2f} | {figures} | {right:.2f} | {seconds:.0f} |"
 
 
-def write_page() -> None:
+def main(words: list[str]) -> None:
     """Measure and keep the page."""
     texture, rows = ground_texture(), []
     for version, radiometry in (("clean", CLEAN), ("noise of 2 grey values, gain 0.9", NOISY)):
@@ -123,16 +123,10 @@ def write_page() -> None:
     lines = [
         "# The published pair, +-41 m",
         "",
-        f"`python -m benchmarks.checking.published_pair`; {machine()}.",
-        "",
         "Published: 95 % kept, RMSE 0.036 m with the plan construction and its filters. Errors of the corrected heights, m.",
         "",
         "| photographs, check | Mcells | kept (%) | mean | RMSE | 99.9 % below | largest | within 0.21 m (%) | CPU (s) |",
         "| --- " * 9 + "|",
         *rows,
     ]
-    write_result("published_pair", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    write_page()
+    write_page("published_pair", words, "\n".join(lines))

@@ -1,25 +1,23 @@
 """Tables 4.13 to 4.19 of the published check beside ours, on one page.
 
-    python -m benchmarks.checking.published_pair_tables
+    python -m benchmarks published_pair_tables
 
 Source: Skarlatos, 4.3 (sources/surface_check.md#results); the tables are made in `published_matching` and `published_orientation`.
 """
 
 from benchmarks.checking.published_matching import SHAPES, difference_rows, filter_rows, matched
 from benchmarks.checking.published_orientation import intersection_rows, points, real_rows, synthetic_rows
+from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.dissertation_pair import CLEAN, NOISY
-from benchmarks.measured_run import machine, write_result
 
 
-def write_page() -> None:
+def main(words: list[str]) -> None:
     """Compute and keep the page."""
     noisy, _, _ = matched(NOISY, tuple(SHAPES))
     _, left, right = matched(CLEAN, ("square",))
     sets = points()
     lines = [
         "# The published check: matched points, surfaces and relative orientation",
-        "",
-        f"`python -m benchmarks.checking.published_pair_tables`; {machine()}.",
         "",
         "Ours beside the printed values. The synthetic pair has no houses, trees and shadows, which is why fewer of its heights",
         "are wrong; errors of the commercial surfaces, of the film and of manual points are those of a stand-in (see the modules).",
@@ -70,8 +68,4 @@ def write_page() -> None:
         "Manual points that leave 1.1 micrometres in table 4.17 cannot leave 9 in table 4.18 with the same orientation: the source",
         "must have used other image coordinates there.",
     ]
-    write_result("published_pair_tables", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    write_page()
+    write_page("published_pair_tables", words, "\n".join(lines))

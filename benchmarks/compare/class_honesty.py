@@ -1,18 +1,17 @@
-"""Standard errors of windows that know no walls, by class of ground: `python -m benchmarks.compare.class_honesty TOWN SECOND_TOWN`.
+"""Standard errors of windows that know no walls, by class of ground: `python -m benchmarks class_honesty TOWN SECOND_TOWN`.
 
 The constants of these standard errors were set on the centre of the first town. The part west of it and the second town, which has
 other streets, roofs, trees and cameras, took no part in that.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.compare.compared_ground import Scene, town
 from benchmarks.compare.replayed_crop import Replay
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.evaluation.classes import PlaceClass
@@ -50,7 +49,6 @@ def shares(scene: Scene, settings: dict[str, Any]) -> list[str]:
 def page(scenes: dict[str, Scene]) -> str:
     """The whole study."""
     lines = ["# Standard errors of windows by class of ground", ""]
-    lines += [f"`python -m benchmarks.compare.class_honesty`; {machine()}.", ""]
     lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " ").strip(), "", "Within 2 / beyond 4 standard errors, %.", ""]
     lines += ["| part | method | " + " | ".join(PLACES) + " |", "| --- " * (2 + len(PLACES)) + "|"]
     for part, scene in scenes.items():
@@ -60,16 +58,12 @@ def page(scenes: dict[str, Scene]) -> str:
     return "\n".join([*lines, ""])
 
 
-def main(runs: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Write the page from the finished runs of the two towns."""
-    first, second = (Path(run) for run in (runs or ["runs/volos", "runs/volos_second"]))
+    first, second = run_folders(words, "volos", "volos_second")
     parts = {
         "first town, centre (constants set here)": town(first),
         "first town, west of it": town(first, (0.4, 0.5)),
         "second town": town(second),
     }
-    write_result("class_honesty", page(parts))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("class_honesty", words, page(parts))

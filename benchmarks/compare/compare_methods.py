@@ -1,11 +1,10 @@
-"""All ways to heights on the same ground: `make compare options="runs/volos runs/brighton"` writes docs/compare.md and pictures.
+"""All ways to heights on the same ground: `python -m benchmarks compare` writes docs/compare.md and pictures.
 
 Parts of finished runs are densified anew by every method, with the orientation, tie points, pairs and range of heights of the run.
 The simulated town and a rendered mountain have a truth; on the real shore the heights on which two or more pairs of the default
 agree stand for it.
 """
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,8 @@ from benchmarks.compare.compared_ground import Known, Scene, shore, town
 from benchmarks.compare.method_figures import draw
 from benchmarks.compare.mountain_scene import mountain
 from benchmarks.compare.replayed_crop import Replay
-from benchmarks.measured_run import ROOT, machine
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, run_folders
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.evaluation.classes import PlaceClass
@@ -119,7 +119,7 @@ def page(scenes: tuple[Scene, ...], pictures: Path, progress: Callable[[str], ob
         name = method.replace(" (default)", "").replace(",", "").replace(" ", "_")
         draw(pictures / f"{name}.png", method, [result.panel for result in found])
         figures += [f"![{method}](pictures/compare/{name}.png)", ""]
-    lines = [_HEAD.format(machine=machine())]
+    lines = [_HEAD]
     for scene in scenes:
         lines += [f"## {scene.name.capitalize()}", "", _columns(scene.gross), "| --- " * 9 + "|", *rows[scene.name], ""]
     return "\n".join([*lines, "## Figures", "", _CAPTION, "", *figures])
@@ -133,8 +133,8 @@ def _columns(gross: float) -> str:
 
 _HEAD = """# The methods side by side
 
-Every way to heights that `densification: matching` knows, as the stage runs it with its defaults, on the same ground. Made by
-`make compare options="runs/volos runs/brighton"` from finished runs of the two projects and a mountain that it renders; {machine}.
+Every way to heights that `densification: matching` knows, as the stage runs it with its defaults, on the same ground: parts of
+finished runs of two projects, and a mountain that is rendered.
 
 *Measured*: cells with a measured height, of those that two photographs see. *Open*: bare ground more than three cells from
 buildings and trees. *Beside buildings*: ground within three cells of one. Sigma is the standard error among neighbours, on open
@@ -144,21 +144,17 @@ The simulated town and the rendered mountain (three photographs of bare slopes o
 has none: there the heights on which two or more pairs of the default method agree stand for it, and only these cells are
 counted, so that the row of the default says how well it repeats itself, and those of the others how far they are from it. A
 *coarse model* has posts 30 m apart and 2 m of noise, on the shore both reduced to the
-size of the block; it is searched only as far from it as tie points lie (`make bench-guide` tells what that saves).
+size of the block; it is searched only as far from it as tie points lie (`python -m benchmarks guide_model` tells what that saves).
 Windows that know no walls have wide standard errors beside them, and most of these methods are too careful on open ground.
 """
 _CAPTION = """Above: the heights of a method, shaded, estimates included. Below: measured heights minus what is known; dark
 where nothing was measured, or nothing is known."""
 
 
-def main(runs: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Write the page from the finished runs of volos and brighton."""
-    volos, brighton = (Path(run) for run in (runs or ["runs/volos", "runs/brighton"]))
+    volos, brighton = run_folders(words, "volos", "brighton")
     docs = ROOT / "docs"
     with mountain() as rendered:
         text = page((town(volos), shore(brighton), rendered), docs / "pictures" / "compare")
-    (docs / "compare.md").write_text(text)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("compare", words, text, docs / "compare.md")

@@ -1,13 +1,11 @@
-"""What an existing height model brings to every way to heights: `make bench-guide options="runs/brighton"`.
+"""What an existing height model brings to every way to heights: `python -m benchmarks guide_model runs/brighton`.
 
 The centre of a real shore, and a rendered mountain. The model has posts 30 m apart with 2 m of noise (on the shore both are reduced
 to the size of the block). Every way runs without it and with it, on the same ground; CPU time is that of matching, without the
 surface.
 """
 
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,8 @@ import numpy as np
 from benchmarks.compare.compared_ground import Scene, shore
 from benchmarks.compare.mountain_scene import mountain
 from benchmarks.compare.replayed_crop import Replay
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
 from orthomill.tasks.densification.stage import DensificationStage
@@ -113,15 +112,11 @@ def section(scene: Scene) -> list[str]:
     ]
 
 
-def main(run: Path) -> None:
+def main(words: list[str]) -> None:
     """Both scenes."""
-    real = shore(run)
-    lines = ["# An existing height model as guide", "", f"`make bench-guide`; {machine()}.", ""]
+    real = shore(*run_folders(words, "brighton"))
+    lines = ["# An existing height model as guide", "", ""]
     lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", *section(real)]
     with mountain() as scene:
         lines += section(scene)
-    write_result("guide_model", "\n".join(lines))
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/brighton"))
+    write_page("guide_model", words, "\n".join(lines))

@@ -1,4 +1,4 @@
-"""Guided densification beside its published tables: `make bench-guided options=runs/volos`.
+"""Guided densification beside its published tables: `python -m benchmarks guided runs/volos`.
 
 A part of the simulated town, whose pixel of 64 um and flight are those of the published rough model, with the published choices (no
 halving, whole pixels of column, one pixel of parallax as standard error), against the truth. Then the search: every level guided,
@@ -7,8 +7,6 @@ or a single level along the whole line, by the points of the last level.
 Source: Karfis 2009, sections 7.2 and 8.3 (sources/epipolar.md#results), checks 20 and 22 to 24.
 """
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,8 @@ from scipy.ndimage import map_coordinates
 
 from benchmarks.compare.compared_ground import Scene, town
 from benchmarks.compare.replayed_crop import Replay
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
 from orthomill.tasks.densification.stage import DensificationStage
@@ -68,7 +67,7 @@ def page(scene: Scene) -> str:
     sigma = float(np.median([ground_pixel(pair) / pair.base_height for pair in pairs]))
     measured = np.isin(guided.rasters[PROVENANCE], MEASURED)
     dense = (guided.rasters[HEIGHT] - scene.known.height)[measured & np.isfinite(scene.known.height)]
-    lines = ["# Guided densification beside its published figures", "", f"`make bench-guided`; {machine()}.", ""]
+    lines = ["# Guided densification beside its published figures", "", ""]
     lines += [(__doc__ or "").split("\n\n")[1].replace("\n", " "), "", "## Points by level", ""]
     lines += ["| level | threshold | points without spikes | places compared per point | published (Kea) |", "| --- " * 5 + "|"]
     for row, published in zip(_levels(guided), _POINTS, strict=True):
@@ -96,5 +95,6 @@ def _levels(replay: Replay) -> tuple[tuple[Any, ...], ...]:
     return rows
 
 
-if __name__ == "__main__":
-    write_result("guided", page(town(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/volos"))))
+def main(words: list[str]) -> None:
+    """Measure on a finished run."""
+    write_page("guided", words, page(town(*run_folders(words, "volos"))))

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 import numpy as np
 
 from benchmarks.flights.judged_flight import Judged
-from benchmarks.measured_run import machine, revision
 
 BEYOND = 3.0
 """A flight is domed where it bends by more than so many times what its measurements would with the right camera"""
@@ -28,7 +27,6 @@ def page(rows: list[Judged], seconds: float) -> str:
     text = [
         "# Simulated flights: domes, stated and named",
         "",
-        f"`python -m benchmarks.flights.simulated_flights` (make bench-flights), {machine()}; {revision()}; "
         f"{len(rows)} flights in {seconds:.0f} s, {np.mean([row.cpu for row in rows]):.1f} CPU-seconds each.",
         "",
         "Image measurements of tie points with noise of 0.1 to 0.35 px and errors that neighbours share, no pixels; camera and "

@@ -1,13 +1,12 @@
 """Simulated flights: is the ground bent more than stated, and is a dome named?
 
-    python -m benchmarks.flights.simulated_flights [--quick] [count=N]      (make bench-flights)
+    python -m benchmarks flights [--quick] [count=N]
 
 Every flight goes through the functions of the product that a workflow calls, with what the tags of its photographs say. A page and
 a table of all flights are written to benchmarks/results.
 """
 
 import csv
-import sys
 import time
 from dataclasses import asdict, fields
 from multiprocessing import get_context
@@ -16,17 +15,17 @@ from pathlib import Path
 from benchmarks.flights.flights_page import page
 from benchmarks.flights.judged_flight import Judged, flown_and_judged
 from benchmarks.flights.measured_flight import kinds
-from benchmarks.measured_run import RESULTS
+from benchmarks.instrument.result_page import RESULTS, write_page
 
 ALL, QUICK = 360, 40
 """Flights: every kind three times, or what takes a minute."""
 CORES = 2
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Fly, judge, and write the page."""
-    given = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
-    quick = "--quick" in sys.argv
+    given = dict(word.split("=") for word in words if "=" in word)
+    quick = "--quick" in words
     count = int(given.get("count", QUICK if quick else ALL))
     started = time.monotonic()
     # The first flight alone: it compiles what the workers then find in the cache.
@@ -36,9 +35,7 @@ def main() -> None:
         rows += pool.starmap(flown_and_judged, others, chunksize=1)
     name = "flights_quick" if quick else "flights"
     _keep(RESULTS / f"{name}.csv", rows)
-    text = page(rows, time.monotonic() - started)
-    (RESULTS / f"{name}.md").write_text(text)
-    print(text)
+    write_page("flights", words, page(rows, time.monotonic() - started), RESULTS / f"{name}.md")
 
 
 def _keep(path: Path, rows: list[Judged]) -> None:
@@ -48,7 +45,3 @@ def _keep(path: Path, rows: list[Judged]) -> None:
         for row in rows:
             rounded = {name: f"{value:.6g}" if isinstance(value, float) else value for name, value in asdict(row).items()}
             table.writerow(rounded)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""How many points per CPU-second least-squares matching processes: `python -m benchmarks.matching.matching_speed`.
+"""How many points per CPU-second least-squares matching processes: `python -m benchmarks matching_speed`.
 
 One thread, one pair: the shipped texture and its image under a known affine, rounded to 8 bits. Starts are those of matching that
 follows a surface (near by, with the neighbour's affine) and those of the published experiments (N(0, 1.5) and N(0, 0.5) px off, no
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.published_recipe import published
-from benchmarks.measured_run import ROOT, machine, write_result
+from benchmarks.measured_run import ROOT
 from orthomill.tasks.matching.least_squares.matching import match_points, prepare
 from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching
 
@@ -128,11 +129,7 @@ def speed_table() -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure and write benchmarks/results/matching_speed.md."""
     page = f"# Speed of least-squares matching\n\n{' '.join(__doc__.split(chr(10) + chr(10), 1)[1].split())}\n\n{speed_table()}\n"
-    write_result("matching_speed", f"{page}\n{machine()}\n")
-
-
-if __name__ == "__main__":
-    main()
+    write_page("matching_speed", words, page)

@@ -1,6 +1,6 @@
-"""The experiments of the dissertation on least-squares matching, compared with the published figures: `make bench-matching`.
+"""The experiments of the dissertation on least-squares matching, compared with the published figures.
 
-    python -m benchmarks.matching.published_tables [--quick] [--texture PATH] [--every N] [--sections NAMES]
+    python -m benchmarks matching [--quick] [--texture PATH] [--every N] [--sections NAMES]
         [--cones DIR] [--motorcycle DIR]
 
 `--quick` measures a small part in a minute. `--every N` tests every n-th of the ten bands of the experiment, and extracts the
@@ -10,9 +10,11 @@ Real pairs are measured where they are found.
 """
 
 import argparse
+import time
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.instrument.result_page import machine, revision, write_page
 from benchmarks.matching.dissertation_pair import GroundTexture, ground_texture
 from benchmarks.matching.matching_experiment import Experiment
 from benchmarks.matching.matching_readings import readings_page
@@ -29,7 +31,7 @@ from benchmarks.matching.matching_surfaces import (
 )
 from benchmarks.matching.matching_windows import strategy_page, window_page
 from benchmarks.matching.matching_workers import workers_page
-from benchmarks.measured_run import ROOT, machine, revision, write_result
+from benchmarks.measured_run import ROOT
 
 KEPT = ROOT / ".cache" / "matching"
 TITLES = {
@@ -44,8 +46,8 @@ TITLES = {
 }
 
 
-def arguments(words: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.matching.published_tables")
+def arguments(words: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks matching")
     parser.add_argument("--quick", action="store_true", help="a small part only")
     parser.add_argument("--texture", type=Path, help="orthophoto with 0.169 m pixels; the shipped one by default")
     parser.add_argument("--every", type=int, default=1, help="every n-th of ten bands of the experiment")
@@ -84,7 +86,7 @@ def page(folder: Path, notes: str) -> str:
     lines = [
         "# Least-squares matching: the published experiments",
         "",
-        "`make bench-matching`. CPU times were taken beside other work; accuracy does not depend on it.",
+        "CPU times were taken beside other work; accuracy does not depend on it.",
         "",
         notes.rstrip(),
         "",
@@ -95,23 +97,19 @@ def page(folder: Path, notes: str) -> str:
     return "\n".join(lines)
 
 
-def main(words: list[str] | None = None) -> None:
-    """Measure the sections asked for, keep each, and put the page together. words: the command line, None for the real one."""
+def main(words: list[str]) -> None:
+    """Measure the sections asked for, keep each, and put the page together."""
     options = arguments(words)
     folder = KEPT / ("quick" if options.quick else "full")
     folder.mkdir(parents=True, exist_ok=True)
     measure = sections(options)
     for name in options.sections:
         # A page is made in pieces: each tells for itself where and when it was measured.
-        lines = [f"Measured at {revision()} on {machine()}.", "", *measure[name]()]
+        lines = [f"Measured at commit {revision()} on {machine()}, {time.strftime('%Y-%m-%d')}.", "", *measure[name]()]
         (folder / f"{name}.md").write_text("\n".join(lines) + "\n")
         print(f"{name} is measured", flush=True)
     notes = (Path(__file__).parent / "matching_notes.md").read_text()
     if options.quick:
         print(page(folder, notes))
     else:
-        write_result("matching", page(folder, notes))
-
-
-if __name__ == "__main__":
-    main()
+        write_page("matching", words, page(folder, notes))

@@ -1,6 +1,6 @@
 """What choosing a matching window costs, compared with the matching that it serves: microseconds of CPU for each point.
 
-Run with `make bench-window-sizes`. Uses a photograph of the project brighton; every figure is the least of several repetitions,
+Uses a photograph of the project brighton; every figure is the least of several repetitions,
 because the machine may have other work.
 """
 
@@ -9,7 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.measured_run import ROOT, machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.radiometry import grey_bytes
@@ -107,7 +108,7 @@ def point_lines(grey: np.ndarray, points: np.ndarray) -> list[str]:
     return lines
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure and write the page."""
     grey, rng = photograph(), np.random.default_rng(0)
     rows, cols = grey.shape
@@ -115,8 +116,7 @@ def main() -> None:
     lines = [
         "# What a matching window costs",
         "",
-        f"`make bench-window-sizes`; {machine()}; one thread, CPU time; {POINTS} points of a photograph of {cols} x {rows} px "
-        f"({PHOTO.stem}).",
+        f"One thread, CPU time; {POINTS} points of a photograph of {cols} x {rows} px ({PHOTO.stem}).",
         "",
         "## The sizers",
         "",
@@ -137,8 +137,4 @@ def main() -> None:
         *point_lines(grey, points),
         "",
     ]
-    write_result("window_sizes", "\n".join(lines))
-
-
-if __name__ == "__main__":
-    main()
+    write_page("window_sizes", words, "\n".join(lines))

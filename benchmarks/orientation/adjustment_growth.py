@@ -1,8 +1,8 @@
 """How the adjustment grows with the number of photographs of a simulated drone block.
 
-`python -m benchmarks.orientation.adjustment_growth [against=FOLDER]` measures blocks of 50 to 1000 photographs, each in a process
+`python -m benchmarks adjustment_growth [against=FOLDER]` measures blocks of 50 to 1000 photographs, each in a process
 of its own, and writes benchmarks/results/adjustment_growth.md; FOLDER: another checkout, which adjusts 200 photographs beside this
-one. `python -m benchmarks.orientation.adjustment_growth STRIPS PHOTOS POINTS` measures one block and prints a line of JSON.
+one. `python -m benchmarks adjustment_growth STRIPS PHOTOS POINTS` measures one block and prints a line of JSON.
 """
 
 import json
@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import ROOT, machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT
 from orthomill.tasks.adjustment.bundle import adjust
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State
@@ -105,7 +106,7 @@ def _row(folder: Path, size: tuple[int, int, int]) -> str:
     )
 
 
-def study(against: Path | None) -> None:
+def study(words: list[str], against: Path | None) -> None:
     """Measure all sizes and write the page."""
     head = [
         "| photographs | points | rays | seconds | CPU-seconds | CPU-ms each | iterations | peak GiB | sigma0 (true 0.3) |",
@@ -118,13 +119,12 @@ def study(against: Path | None) -> None:
         both = _row(against, COMPARED), _row(ROOT, COMPARED)
         beside = [title, "", "First that commit, then this one.", "", *head, *both, ""]
     rows = [_row(ROOT, size) for size in SIZES]
-    write_result(
+    write_page(
         "adjustment_growth",
+        words,
         "\n".join(
             [
                 "# Growth of the adjustment with the number of photographs",
-                "",
-                f"`make bench-adjustment`, {machine()}.",
                 "",
                 "Photographs of a drone, every 60 m in strips 120 m apart, 150 m x 200 m on the ground; one camera "
                 "with seven interior parameters, GNSS positions, 1 % of the rays wrong by up to 50 px; robust start, "
@@ -143,14 +143,13 @@ def study(against: Path | None) -> None:
     )
 
 
-def main() -> None:
-    """One block, or the study."""
-    words = sys.argv[1:]
+def main(words: list[str]) -> None:
+    """The study; with three numbers one block, as a line of JSON."""
     if len(words) == 3:
         print(json.dumps(measured(*map(int, words))))
         return
-    study(next((Path(word.removeprefix("against=")).resolve() for word in words if word.startswith("against=")), None))
+    study(words, next((Path(word.removeprefix("against=")).resolve() for word in words if word.startswith("against=")), None))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

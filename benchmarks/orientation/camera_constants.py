@@ -1,6 +1,6 @@
 """Camera constants that real blocks find by themselves, and their standard errors, beside what is known of the cameras.
 
-    python -m benchmarks.orientation.camera_constants [FOLDER]     (make bench-camera-constants: in a folder that is thrown away)
+    python -m benchmarks camera_constants [FOLDER]     (without it, in a folder that is thrown away)
 
 The blocks are those of the shared data (ORTHOMILL_DATA) and, where ORTHOMILL_HELDOUT names their folder, held-out ones. FOLDER
 keeps the runs: tie points that are there are not measured again, only the orientation is. "White" standard errors are those that
@@ -9,7 +9,6 @@ the same adjustment would report if no measurements had errors in common.
 
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from benchmarks.orientation.orientation_real import DATA, REDUCED, K, run_block
 from benchmarks.orientation.stone_wall import control_texts, read_wall
 from orthomill.pipeline.storage.store import Store
@@ -169,8 +168,6 @@ def row(block: Block, choice: str, one: Found) -> str:
 
 HEAD = """# Camera constants of real blocks
 
-`make bench-camera-constants`, {machine}.
-
 c in px. Ratio: distance from the reference in standard errors. White: standard errors as if every measurement erred by itself.
 Errors in common: root mean square over the frame, and the part of their variance that all photographs of the camera share. Where c
 comes from EXIF and there is no control, the weighted choice keeps its value and states the doubt of EXIF (3 %, a lens of rounded
@@ -182,16 +179,12 @@ K.txt of sceaux is 2832 x 5.85 / 5.70, from EXIF and a width of the sensor, no c
 """
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """All blocks that are here; the page is written after each."""
     with tempfile.TemporaryDirectory(prefix="orthomill_cameras_") as folder:
-        root, rows = Path(sys.argv[1] if len(sys.argv) > 1 else folder), []
+        root, rows = Path(words[0] if words else folder), []
         for block in blocks():
             store = tie_points_of(block, root / block.name)
             for name, choice in block.choices.items():
                 rows.append(row(block, name, found(store, choice, block.parts["crs"])))
-                write_result("camera_constants", HEAD.format(machine=machine()) + "\n".join(rows) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+                write_page("camera_constants", words, HEAD + "\n".join(rows))

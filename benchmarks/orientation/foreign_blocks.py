@@ -1,6 +1,6 @@
 """Blocks that nobody here has chosen: folders of photographs as people have them, oriented with all defaults, a peer beside them.
 
-    python -m benchmarks.orientation.foreign_blocks [compiled] [peer=PYTHON] FOLDER ...
+    python -m benchmarks foreign_blocks [compiled] [peer=PYTHON] FOLDER ...
 
 Every folder is started by `init`, which uses the GCP list, positions and camera that lie in it, and run until the orientation; the
 peer (COLMAP, by the Python that has it) gets the same photographs with its own defaults; without `peer` its figures of before stay.
@@ -13,7 +13,6 @@ import csv
 import json
 import resource
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
@@ -21,7 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import RESULTS, machine, orthomill, revision, write_result
+from benchmarks.instrument.result_page import RESULTS, revision, write_page
+from benchmarks.measured_run import orthomill
 from benchmarks.orientation.orientation_truth import mean_residual
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.schemas.orientation import Block, SeparateBlocks
@@ -203,7 +203,7 @@ def page(rows: dict[str, Row]) -> str:
     text = [
         "# Foreign blocks",
         "",
-        f"`python -m benchmarks.orientation.foreign_blocks [peer=PYTHON] FOLDER ...`, {machine()}. All defaults, workflow by "
+        "All defaults, workflow by "
         "`init`; peer: COLMAP with its defaults (SIMPLE_RADIAL, cameras by EXIF) on the same photographs, its largest model. CPU "
         "seconds from photographs to block, kernels compiled before.",
         "",
@@ -243,23 +243,19 @@ def _said(row: Row) -> Iterator[str]:
     yield ""
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measures the folders named on the command line."""
-    folders = [Path(word) for word in sys.argv[1:] if "=" not in word and word != "compiled"]
-    python = next((word.removeprefix("peer=") for word in sys.argv[1:] if word.startswith("peer=")), None)
+    folders = [Path(word) for word in words if "=" not in word and word != "compiled"]
+    python = next((word.removeprefix("peer=") for word in words if word.startswith("peer=")), None)
     if not folders:
-        sys.exit("Name the folders of photographs: python -m benchmarks.orientation.foreign_blocks FOLDER ...")
-    if "compiled" not in sys.argv:
+        raise SystemExit("Name the folders of photographs: python -m benchmarks foreign_blocks FOLDER ...")
+    if "compiled" not in words:
         row_of(folders[0])
     for folder in folders:
-        row = replace(row_of(folder), state=revision())
+        row = replace(row_of(folder), state=f"commit {revision()}")
         rows = rows_before()
         beside = rows.get(row.name, row)
         kept = {"peer_oriented": beside.peer_oriented, "peer_px": beside.peer_px, "peer_cpu": beside.peer_cpu}
         rows[row.name] = with_peer(row, python, folder.resolve()) if python else replace(row, **kept)
         keep(rows)
-        write_result("foreign_blocks", page(rows))
-
-
-if __name__ == "__main__":
-    main()
+        write_page("foreign_blocks", words, page(rows))

@@ -1,4 +1,4 @@
-"""Orientation of real photographs: against what is known of them, and beside COLMAP in the same run (`make bench-orientation`).
+"""Orientation of real photographs: against what is known of them, and beside COLMAP in the same run.
 
 The photographs are those of the shared data (ORTHOMILL_DATA names the folder; the reduced Brighton photographs come with the
 project). COLMAP runs from an environment of its own, whose Python PYCOLMAP_PYTHON names:
@@ -14,7 +14,6 @@ import os
 import resource
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import ROOT, machine, orthomill, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, orthomill
 from benchmarks.orientation.orientation_truth import (
     Agreement,
     agreement,
@@ -197,7 +197,7 @@ def _words(found: Agreement, factor: float, unit: str) -> str:
 
 def page(rows: list[Row], failures: list[str]) -> str:
     """The page of results."""
-    head = ["# Orientation of real photographs", "", f"`make bench-orientation`, {machine()}.", ""]
+    head = ["# Orientation of real photographs", ""]
     table = ["| block | photos | tie points | mean residual px | CPU s | what is known |", "| --- | --- | --- | --- | --- | --- |"]
     for r in rows:
         table.append(f"| {r.name} | {r.photos} | {r.points} | {r.residual_px:.3f} | {r.cpu:.0f} | {r.known} |")
@@ -208,11 +208,11 @@ def page(rows: list[Row], failures: list[str]) -> str:
                 f"| {p['cpu_seconds']:.0f} | {r.peer_known} |"
             )
     missing = [line for failure in failures for line in ("", failure)]
-    missing += [] if PEER.exists() else ["", "COLMAP was not installed in this run; see benchmarks/orientation_real.py."]
+    missing += [] if PEER.exists() else ["", "COLMAP was not installed in this run; the module of the study says how."]
     return "\n".join([*head, *table, *missing, ""])
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """The blocks named on the command line, or all; the page is written after each, so that a long run may be stopped."""
     found = DATA.exists()
     blocks: dict[str, Callable[[Path], Row]] = {"brighton_reduced": lambda root: brighton(root, REDUCED, "brighton_reduced")}
@@ -225,13 +225,9 @@ def main() -> None:
     failures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="orthomill_orientation_") as folder:
         _warm(Path(folder) / "warm")
-        for name in sys.argv[1:] or blocks:
+        for name in words or blocks:
             try:
                 rows.append(blocks[name](Path(folder) / name))
             except NotOriented as error:
                 failures.append(f"{name} was not oriented: {error}")
-            write_result("orientation_real", page(rows, failures))
-
-
-if __name__ == "__main__":
-    main()
+            write_page("orientation_real", words, page(rows, failures))

@@ -1,16 +1,15 @@
 """Orientation on simulated measurements: is what the adjustment says of itself true?
 
-`python -m benchmarks.orientation.orientation_simulated [part ...] [from=N]`; parts: pairs, kea, volos; N: the first seed, for
+`python -m benchmarks orientation_simulated [part ...] [from=N]`; parts: pairs, kea, volos; N: the first seed, for
 another draw of the same study. Without photographs: only geometry and
 noise, so that hundreds of seeds are cheap. Results go to benchmarks/results/orientation_simulated.md.
 """
 
-import sys
 import time
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from benchmarks.orientation.simulated_scenes import orienting, published_pairs, simulated_block
 from orthomill.schemas.camera import INTERIOR
 from orthomill.tasks.adjustment.model.interior import FreeInterior
@@ -118,15 +117,10 @@ def volos(first: int, seeds: int = 100) -> list[str]:
 PARTS = {"pairs": pairs, "kea": kea, "volos": volos}
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure the parts named on the command line, or all, and write the page."""
-    first = next((int(word.removeprefix("from=")) for word in sys.argv[1:] if word.startswith("from=")), 0)
-    how = f"`make bench-orientation-simulated`, {machine()}; first seed {first}"
-    text = ["# Orientation on simulated measurements", "", how, ""]
-    for name in [word for word in sys.argv[1:] if word in PARTS] or PARTS:
+    first = next((int(word.removeprefix("from=")) for word in words if word.startswith("from=")), 0)
+    text = ["# Orientation on simulated measurements", "", f"First seed: {first}.", ""]
+    for name in [word for word in words if word in PARTS] or PARTS:
         text += [*PARTS[name](first), ""]
-    write_result("orientation_simulated", "\n".join(text))
-
-
-if __name__ == "__main__":
-    main()
+    write_page("orientation_simulated", words, "\n".join(text))

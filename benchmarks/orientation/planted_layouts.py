@@ -1,14 +1,13 @@
 """Sixty layouts of photographs with planted blunders in every kind of observation: what converges, what is named, what is blamed
 without being wrong.
 
-    python -m benchmarks.orientation.planted_layouts [seed=N] [resume] [shape ...]      (make bench-layouts)
+    python -m benchmarks planted_layouts [seed=N] [resume] [shape ...]
 
 Twelve shapes (strips, crosses, circles, facades, kites, corridors, caves) with five kinds of knowledge each (rough positions, good
 ones, control, control at one end with rough positions, measured distances only). Geometry and noise, no pixels.
 """
 
 import csv
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
@@ -16,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measured_run import RESULTS, machine
+from benchmarks.instrument.result_page import RESULTS, write_page
 from benchmarks.orientation.simulated_scenes import orienting, photographed_layouts, planted_blunders
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.interior import FreeInterior
@@ -94,8 +93,7 @@ def page(rows: list[Case], seed: int) -> str:
     text = [
         "# Layouts with planted blunders",
         "",
-        f"`python -m benchmarks.orientation.planted_layouts` (make bench-layouts), {machine()}; seed {seed}, {done}, {count} "
-        f"adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each.",
+        f"Seed {seed}, {done}, {count} adjustments, {sum(row.cpu for row in rows) / count:.2f} CPU-seconds each.",
         "",
         f"Converged: **{_share(row.converged for row in rows)}** (all wanted). The planted blunder named: "
         f"**{_share(row.named for row in named)}** (95 % wanted). Nothing else named: **{_share(row.clean for row in rows)}** "
@@ -156,12 +154,12 @@ def keep(rows: list[Case], seed: int) -> None:
         table.writerows(asdict(row) for row in rows)
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure the layouts of the shapes named on the command line, or of all, and write the page after each; layouts of other
     shapes stay as they are, and with `resume` all that were measured before."""
-    given = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
-    shapes = [word for word in sys.argv[1:] if "=" not in word and word != "resume"]
-    seed, resume = int(given.get("seed", 0)), "resume" in sys.argv
+    given = dict(word.split("=") for word in words if "=" in word)
+    shapes = [word for word in words if "=" not in word and word != "resume"]
+    seed, resume = int(given.get("seed", 0)), "resume" in words
     names = [f"{shape}, {knowledge}" for shape, knowledge in photographed_layouts.LAYOUTS]
     rows = rows_before(seed) if resume or shapes else []
     for (shape, knowledge), name in zip(photographed_layouts.LAYOUTS, names, strict=True):
@@ -171,8 +169,4 @@ def main() -> None:
         print(f"{name}: {'; '.join(f'{row.kind}: {row.said}' for row in own if row.said)}", flush=True)
         rows = sorted([row for row in rows if row.layout != name] + own, key=lambda row: names.index(row.layout))
         keep(rows, seed)
-        _record(seed).with_suffix(".md").write_text(page(rows, seed))
-
-
-if __name__ == "__main__":
-    main()
+        write_page("planted_layouts", words, page(rows, seed), _record(seed).with_suffix(".md"))

@@ -1,11 +1,8 @@
-"""Self-calibrating bundles of the three published applications: formal against true errors, and the pattern of their Table 3.
-
-python -m benchmarks.orientation.published_bundles      (make bench-published-bundles)
-"""
+"""Self-calibrating bundles of the three published applications: formal against true errors, and the pattern of their Table 3."""
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from benchmarks.orientation.published_blocks import PublishedBlock, adjusted, church, entrance, interior_sigmas, site, texture_shift
 
 SEEDS = 60
@@ -18,15 +15,15 @@ PUBLISHED = {
 }
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure, print and write the table."""
     rows = "\n".join(_row(name, make(), published) for name, (make, published) in PUBLISHED.items())
-    write_result(
+    write_page(
         "published_bundles",
-        f"# Self-calibrating bundles of the published applications\n\n{SEEDS} seeds each ({machine()}, `make "
-        "bench-published-bundles`). Objects and stations are ours: the report prints neither. True over formal: root mean square "
-        "of errors in formal standard errors, over c, x0, y0, k1, k2. Apart: how far photographs find the same place of the true "
-        "surface from each other, what blurs a blend.\n\n"
+        words,
+        f"# Self-calibrating bundles of the published applications\n\n{SEEDS} seeds each. Objects and stations are ours: the "
+        "report prints neither. True over formal: root mean square of errors in formal standard errors, over c, x0, y0, k1, k2. "
+        "Apart: how far photographs find the same place of the true surface from each other, what blurs a blend.\n\n"
         "| application | sigma c / x0 / y0, px | published | true over formal | sigma0 over true | apart, px |\n"
         f"| --- | --- | --- | --- | --- | --- |\n{rows}\n",
     )
@@ -40,7 +37,3 @@ def _row(name: str, block: PublishedBlock, published: str) -> str:
     apart = np.sqrt(np.mean([texture_shift(result, truth, block) ** 2 for result, truth in found]))
     formal = " / ".join(f"{value:.2f}" for value in sigma.mean(axis=0)[:3])
     return f"| {name} | {formal} | {published} | {np.sqrt((errors**2).mean()):.2f} | {sigma0:.3f} | {apart:.2f} |"
-
-
-if __name__ == "__main__":
-    main()

@@ -1,13 +1,12 @@
 """A public flight with an RTK drone, all defaults, as a user runs it: is its concrete floor flat, and do its tags fit the block?
 
-    python -m benchmarks.orientation.rtk_flight [FOLDER] [--surface]      (make bench-rtk-flight)
+    python -m benchmarks rtk_flight [FOLDER] [--surface]
 
 FOLDER holds the photographs of the yard (default ../shared/data/rtk_yard). The flight is run as it is, and again without what its
 tags say of precision and calibration. Floor: the 15th percentile of the heights (tie points; with --surface those of dsm.tif) in
 cells of 5 m along the strips, within 15 m of their axis; a quadratic through the cells, those that trees or beams fill left out.
 """
 
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +15,8 @@ from pathlib import Path
 import numpy as np
 import rasterio
 
-from benchmarks.measured_run import RESULTS, machine, orthomill, revision
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import orthomill
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS
@@ -45,21 +45,20 @@ class Outcome:
     said: tuple[str, ...]
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Both runs, and the page."""
-    given = [word for word in sys.argv[1:] if not word.startswith("--")]
+    given = [word for word in words if not word.startswith("--")]
     photographs = Path(given[0] if given else "../shared/data/rtk_yard").resolve()
+    surface = "--surface" in words
     with tempfile.TemporaryDirectory(prefix="orthomill_rtk_") as folder:
         rows = [
-            _row(name, flown(Path(folder) / name.split()[0], photographs, without))
+            _row(name, flown(Path(folder) / name.split()[0], photographs, without, surface))
             for name, without in (("as it is", ()), ("without RTK and calibration in its tags", TAKEN))
         ]
-    text = "\n".join((*_head(), *rows)) + "\n"
-    (RESULTS / "rtk_flight.md").write_text(text)
-    print(text)
+    write_page("rtk_flight", words, "\n".join((*_head("the surface" if surface else "the tie points"), *rows)))
 
 
-def flown(root: Path, photographs: Path, without: tuple[bytes, ...]) -> Outcome:
+def flown(root: Path, photographs: Path, without: tuple[bytes, ...], surface: bool) -> Outcome:
     """The outcome of `init` and `run` in the new folder `root`, from copies of the photographs `without` some tags."""
     (root / "photos").mkdir(parents=True)
     for file in sorted(photographs.glob("*.JPG")):
@@ -68,7 +67,6 @@ def flown(root: Path, photographs: Path, without: tuple[bytes, ...]) -> Outcome:
             # Of the same length, so that no offset in the file changes.
             content = content.replace(name, b"X" + name[1:])
         (root / "photos" / file.name).write_bytes(content)
-    surface = "--surface" in sys.argv
     for words in (("init", "yard", "--photos", "photos"), ("run", "yard", *(() if surface else ("--until", "orientation")))):
         done = orthomill(root, *words)
         if done.code:
@@ -145,11 +143,10 @@ def _away_from_gimbal(block, own) -> np.ndarray:
     return np.degrees(np.std(turns, axis=0)) if turns else np.full(2, np.nan)
 
 
-def _head() -> Iterator[str]:
+def _head(source: str) -> Iterator[str]:
     yield "# A public flight with an RTK drone, all defaults"
     yield ""
-    source = "the surface" if "--surface" in sys.argv else "the tie points"
-    yield f"`python -m benchmarks.orientation.rtk_flight` (make bench-rtk-flight), {machine()}; {revision()}; floor by {source}."
+    yield f"Floor by {source}."
     yield ""
     yield (
         "20 photographs of a DJI P4 Multispectral RTK over a yard with concrete floors (Zaar Ali, MIT). Wanted: floor bent by "
@@ -171,7 +168,3 @@ def _row(name: str, found: Outcome) -> str:
         f"| {name} | {found.sigma0_px:.3f} | {found.sag:+.3f} | {centres} | {stated} | {found.c:.1f} +- {found.sigma_c:.1f} | "
         f"{away:.1f} | {tilts} | {', '.join(found.said)} |"
     )
-
-
-if __name__ == "__main__":
-    main()

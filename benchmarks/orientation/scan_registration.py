@@ -1,7 +1,4 @@
-"""Joint registration of nine simulated scans over many seeds: are its standard errors true, and does it name what is wrong?
-
-python -m benchmarks.orientation.scan_registration      (make bench-registration)
-"""
+"""Joint registration of nine simulated scans over many seeds: are its standard errors true, and does it name what is wrong?"""
 
 import time
 from collections.abc import Iterator
@@ -9,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from benchmarks.orientation.scanned_site import ScannedSite, scanned_site
 from orthomill.tasks.adjustment.registration.joint_registration import Registration, register
 from orthomill.tasks.geometry.rotation_vector import vector_of_rotation
@@ -21,15 +18,16 @@ BLUNDER = 0.15
 """m: how far one target of a scan is moved"""
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure, print and write the table."""
     began = time.process_time()
     lines = "\n".join(_rows())
     seconds = time.process_time() - began
-    write_result(
+    write_page(
         "scan_registration",
-        f"# Joint registration of scans\n\n{SEEDS} seeds of nine scans round a building ({machine()}, {seconds:.0f} CPU-s, "
-        "`make bench-registration`): 40 targets, 8 surveyed to 2 mm, 4 mm in a coordinate of a scanned target.\n\n"
+        words,
+        f"# Joint registration of scans\n\n{SEEDS} seeds of nine scans round a building ({seconds:.0f} CPU-s): "
+        "40 targets, 8 surveyed to 2 mm, 4 mm in a coordinate of a scanned target.\n\n"
         f"| what | figure | wanted |\n| --- | --- | --- |\n{lines}\n",
     )
 
@@ -85,7 +83,3 @@ def _is_named(site: ScannedSite, seed: int) -> bool:
     found = register(site.network, replace(site.points, xyz=xyz), site.names).blunders
     wanted = (int(site.points.point[row]), (int(site.points.scan[row]),))
     return [(one.point, one.scans) for one in found] == [wanted]
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Photographs and a mesh of other programs, textured as a user would, with every photograph left out in turn.
 
-`python -m benchmarks.texture.foreign_meshes FOLDER ...`: each folder holds `images/*.jpg`, the orientation of another program as
+`python -m benchmarks foreign_meshes FOLDER ...`: each folder holds `images/*.jpg`, the orientation of another program as
 `cameras.json` (photograph -> K, R_world_to_camera, t) and `mesh.ply`. A project of four stages with all defaults and the facade as
 its output is run to its end in `.cache/foreign_meshes/NAME`, and `benchmarks/results/foreign_meshes.md` holds what the photographs
 that were left out tell: blended from all others, beside what programs that take one photograph for each place would give.
@@ -10,13 +10,13 @@ Photographs and meshes are not part of this repository. What is done is not done
 
 import json
 import statistics
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import yaml
 
-from benchmarks.measured_run import ROOT, machine, orthomill, project_root, revision, summary, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, orthomill, project_root, summary
 
 SCRATCH = ROOT / ".cache" / "foreign_meshes"
 WANTED_GRADIENT = 0.9
@@ -105,20 +105,15 @@ def _judgement(compared: list[dict], blended: dict[str, float], nearest: dict[st
     )
 
 
-def main(folders: list[Path]) -> None:
+def main(words: list[str]) -> None:
     """Measure all folders and write the page."""
-    words = " ".join(str(folder) for folder in folders)
     lines = [
         "# Meshes and photographs of other programs",
         "",
-        f"`python -m benchmarks.texture.foreign_meshes {words}`; {machine()}, {revision()}. Every photograph made again from all "
-        "others, blended, and from the nearest of them alone, in the same run; all settings are defaults.",
+        "Every photograph made again from all others, blended, and from the nearest of them alone, in the same run; all settings "
+        "are defaults.",
         "",
     ]
-    for folder in folders:
+    for folder in map(Path, words or [ROOT / "../shared/data/sceaux_castle"]):
         lines += chapter(folder.resolve())
-        write_result("foreign_meshes", "\n".join(lines).rstrip() + "\n")
-
-
-if __name__ == "__main__":
-    main([Path(word) for word in sys.argv[1:]] or [ROOT / "../shared/data/sceaux_castle"])
+        write_page("foreign_meshes", words, "\n".join(lines))

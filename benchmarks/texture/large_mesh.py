@@ -1,6 +1,6 @@
 """Four million triangles and 23 photographs of 10 Mpx, as a user would run them: workers, time, and how both grow.
 
-`python -m benchmarks.texture.large_mesh` makes photographs and mesh (a rough sheet with a painted pattern, from different
+`python -m benchmarks large_mesh` makes photographs and mesh (a rough sheet with a painted pattern, from different
 distances) for each size, runs the stage `projection` with two workers in a folder of its own, and writes
 `benchmarks/results/large_mesh.md`: the largest block once, and how smaller ones with photographs and pixels of half the resolution
 grow. Sizes may be given as VERTICES_ALONG_A_SIDE:PHOTOGRAPHS:REDUCTION. It may be stopped at any moment and begun again: it goes on
@@ -10,14 +10,14 @@ thousand triangles is 1.23 GB (its log; another data set).
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import yaml
 
-from benchmarks.measured_run import ROOT, machine, orthomill, project_root, revision, summary, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT, orthomill, project_root, summary
 from benchmarks.texture.texture_acceptance import sheet
 from orthomill.pipeline.records.records import Records
 from orthomill.schemas.camera import Camera
@@ -189,22 +189,18 @@ HEAD = (
 )
 
 
-def main(sizes: tuple[tuple[int, int, int], ...]) -> None:
+def main(words: list[str]) -> None:
     """Measure all sizes and write the page, row by row: the first one takes long."""
     lines = [
         "# Large meshes with many photographs",
         "",
-        f"`python -m benchmarks.texture.large_mesh`; {machine()}, {revision()}. Photographs of 3872 x 2592 px and an orthoimage of "
+        "Photographs of 3872 x 2592 px and an orthoimage of "
         "4500 x 4500 px (half of that along both sides in the smaller blocks), leave one out, textured model, depth pictures; two "
         "workers, kernels compiled or loaded as they come. Minutes are those of the clock, beside whatever else the machine did.",
         "",
         *HEAD,
     ]
-    for size in sizes:
+    sizes = [(int(side), int(photos), int(reduction)) for side, photos, reduction in (word.split(":") for word in words)]
+    for size in sizes or SIZES:
         lines.append(measured(*size))
-        write_result("large_mesh", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    given = (map(int, word.split(":")) for word in sys.argv[1:])
-    main(tuple((side, photos, reduction) for side, photos, reduction in given) or SIZES)
+        write_page("large_mesh", words, "\n".join(lines))

@@ -1,6 +1,6 @@
 """What a mesh costs before anything is projected: mending and cutting into blocks, in a process of its own for each size.
 
-`python -m benchmarks.texture.mesh_growth` prints processor time and peak memory for a quarter, one and four million triangles.
+`python -m benchmarks mesh_growth` prints processor time and peak memory for a quarter, one and four million triangles.
 These two jobs are the only ones, besides the coloured PLY, that hold a whole mesh.
 """
 
@@ -34,17 +34,14 @@ def _peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure each size in a process of its own: a peak never falls."""
     print("| triangles | mending CPU-s | cutting CPU-s | MiB with the mesh read | mended | cut |")
     print("| --- | --- | --- | --- | --- | --- |")
-    for side in SIDES:
+    for side in map(int, words or SIDES):
         command = [sys.executable, "-m", "benchmarks.texture.mesh_growth", str(side)]
         print(subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip(), flush=True)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        print(measured(int(sys.argv[1])))
-    else:
-        main()
+    print(measured(int(sys.argv[1])))

@@ -1,13 +1,12 @@
 """Where the shift of the portal's front comes from: the measure, resampling, the surface, the block.
 
-`python -m benchmarks.texture.portal_shift runs/portal` takes a run of the workflow `portal` that has its orientation, projects its
+`python -m benchmarks portal_shift runs/portal` takes a run of the workflow `portal` that has its orientation, projects its
 front with the block and the surface as they were found and as they are in truth, and writes
 `benchmarks/results/portal_shift.md`. Each row differs from the one before by one thing. Below the table stands what the surveyed
 coordinates shift by themselves: a block can lie no better than its control.
 """
 
 import csv
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from benchmarks.texture.portal_truth import PortalCase, fitted, of_run, projected, shifts_of
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.tasks.simulation.portal.portal_block import to_system
@@ -86,14 +86,14 @@ def control_words(shifts: np.ndarray) -> str:
     )
 
 
-def main(folder: Path) -> None:
+def main(words: list[str]) -> None:
     """Measure and write the page."""
+    (folder,) = run_folders(words, "portal")
     case = of_run(folder)
     lines = [
         "# The shift of the portal's front",
         "",
-        f"`python -m benchmarks.texture.portal_shift runs/portal`; {machine()}. Windows of 64 px with structure that two "
-        f"photographs or more see, {1000 * case.pixel:g} mm a pixel.",
+        f"Windows of 64 px with structure that two photographs or more see, {1000 * case.pixel:g} mm a pixel.",
         "",
         "| what is in it | windows | shift at 95 %, px | of all together (median), px | at 95 % without it |",
         "| --- | --- | --- | --- | --- |",
@@ -101,8 +101,4 @@ def main(folder: Path) -> None:
         "",
         control_words(control_shift(folder, case.pixel)),
     ]
-    write_result("portal_shift", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    write_page("portal_shift", words, "\n".join(lines))

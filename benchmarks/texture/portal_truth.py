@@ -1,7 +1,7 @@
-"""The front of the portal beside its truth, with and without what the method has against errors (`make bench-texture`).
+"""The front of the portal beside its truth, with and without what the method has against errors.
 
 A case is the portal of a seed at a reduced size, rendered here (orientation errors of a good block are added), or a finished run at
-full size, with the orientation that it found: `python -m benchmarks.texture.portal_truth runs/portal` writes
+full size, with the orientation that it found: `python -m benchmarks portal_full_size runs/portal` writes
 `benchmarks/results/portal_full_size.md`; with `released` behind it only the front is judged that the run itself made. Judged are
 places that two photographs or more truly see, people and leaves apart:
 
@@ -11,7 +11,6 @@ places that two photographs or more truly see, people and leaves apart:
 - objects: the same with a photograph that sees the place but for a person or leaves, where three photographs see it.
 """
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
 from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.camera import BrownLens
@@ -230,22 +230,14 @@ def run_rows(folder: Path, released: bool) -> list[str]:
     return [*HEAD, own] if released else [*HEAD, own, *case_rows(case, "full size")]
 
 
-def main(folder: Path, released: bool) -> None:
+def main(words: list[str]) -> None:
     """Write the page of a finished run."""
+    (folder,) = run_folders([word for word in words if word != "released"], "portal")
     lines = [
         "# The portal at full size",
         "",
-        f"`make project=portal run`, then `python -m benchmarks.texture.portal_truth runs/portal{' released' if released else ''}`"
-        f"; {machine()}. Wanted: 0.3 px or less at 95 % (`portal_shift.md` says where the rest comes from), double textures 0.05 % "
-        "or less.",
+        "Wanted: 0.3 px or less at 95 % (`portal_shift.md` says where the rest comes from), double textures 0.05 % or less.",
         "",
-        *run_rows(folder, released),
+        *run_rows(folder, "released" in words),
     ]
-    write_result("portal_full_size", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        main(Path(sys.argv[1]), "released" in sys.argv[2:])
-    else:
-        print("\n".join(portal_rows()))
+    write_page("portal_full_size", words, "\n".join(lines))

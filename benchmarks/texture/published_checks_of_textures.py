@@ -1,6 +1,6 @@
 """Where each published check of textures (sources/blending.md, A-01 to A-28) is made, and what is found there: a test, or a page.
 
-`python -m benchmarks.texture.published_checks_of_textures` writes `benchmarks/results/texture_checks.md`; tests record what they
+`python -m benchmarks texture_checks` writes `benchmarks/results/texture_checks.md`; tests record what they
 find as a property `found`. Another test sees to it that every test and page that is named exists.
 """
 
@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-from benchmarks.measured_run import ROOT, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import ROOT
 
 _STAGE, _SCAN = "tests/projection/test_projection_stage.py", "tests/visibility/test_scanline.py"
 _BLEND, _TILES = "tests/imagery/test_blending.py", "tests/texture/test_texture_tiles.py"
@@ -96,22 +97,17 @@ def figures_of_page(check: str, page: str) -> list[str]:
     return [f"{row[1].strip().rpartition(': ')[2]}: {row[2].strip()}" for row in rows] + sentences
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Write the page."""
     tests = figures_of_tests()
     found = {name: tests[where] if "::" in where else figures_of_page(name, where) for name, (_, where) in CHECKS.items()}
     lines = [
         "# Published checks of textures",
         "",
-        "`python -m benchmarks.texture.published_checks_of_textures` runs the tests, and takes the rest from the page that "
-        "`make bench-texture` writes.",
+        "From tests, which it runs, and from the page `texture_acceptance.md`.",
         "",
         "| check | what | found | where |",
         "| --- | --- | --- | --- |",
         *(f"| {name} | {what} | {'; '.join(dict.fromkeys(found[name]))} | `{where}` |" for name, (what, where) in CHECKS.items()),
     ]
-    write_result("texture_checks", "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+    write_page("texture_checks", words, "\n".join(lines))

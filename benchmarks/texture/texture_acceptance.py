@@ -1,4 +1,4 @@
-"""Solid surfaces against what is known: kernels beside ray casting, and the order of the published remedies (`make bench-texture`).
+"""Solid surfaces against what is known: kernels beside ray casting, and the order of the published remedies.
 
 The scene is a wall with a box in front of it, photographed seven times and traced ray by ray without a mesh. The orientation given
 to the stage is wrong by one to two pixels, as real ones are, so that colours of the box lie on the wall and the other way round.
@@ -6,12 +6,11 @@ to the stage is wrong by one to two pixels, as real ones are, so that colours of
 
 import resource
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from benchmarks.measured_run import machine, revision
+from benchmarks.instrument.result_page import write_page
 from benchmarks.texture.portal_truth import portal_rows
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block
@@ -24,7 +23,6 @@ from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
 from tests.support.solid.whole_mesh import nearest_triangles
 
-RESULTS = Path(__file__).parents[1] / "results" / "texture_acceptance.md"
 POSITIONS = tuple(
     (x, y, z)
     for x, y, z in zip(
@@ -175,28 +173,16 @@ def band_of_limits(block: Block, points: np.ndarray) -> np.ndarray:
     return band
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measure and write the page."""
-    lines = [
-        "# Solid surfaces: measured",
-        "",
-        f"`make bench-texture` writes this page; {machine()}, {revision()}.",
-        "",
-        "| what | found | wanted |",
-        "| --- | --- | --- |",
-    ]
+    lines = ["# Solid surfaces: measured", "", "| what | found | wanted |", "| --- | --- | --- |"]
     lines += [*kernel_rows(), *remedy_rows()]
     lines += ["| A-25: 4 million triangles, 23 photographs of 10 Mpx | `large_mesh.md` | it ends, no worker above 1.5 GiB |"]
     lines += [
         "",
         "The portal, on seeds on which nothing was chosen, beside its truth where two photographs or more see it (`python -m "
-        "benchmarks.texture.portal_truth runs/portal` for a finished run at full size):",
+        "benchmarks portal_full_size` for a finished run at full size):",
         "",
         *portal_rows(),
     ]
-    RESULTS.write_text("\n".join(lines) + "\n")
-    print(RESULTS.read_text())
-
-
-if __name__ == "__main__":
-    main()
+    write_page("texture_acceptance", words, "\n".join(lines))

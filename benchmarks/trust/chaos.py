@@ -1,6 +1,6 @@
 """Runs that are killed in every way a machine knows, and stores that rot: is the result the same bit for bit?
 
-Run with `make chaos` (options="--kills 100 --damages 200 --seed 0"). Uses the small simulated project on two workers. A run is hit
+`python -m benchmarks chaos --kills 100 --damages 200 --seed 0` uses the small simulated project on two workers. A run is hit
 after a random time, and the next one goes on from there, is hit in its turn, until the project is complete: then every raster and
 table is compared with those of a run that nobody disturbed. After every blow no process is left and no traceback was printed.
 """
@@ -23,7 +23,8 @@ from pathlib import Path
 
 import psutil
 
-from benchmarks.measured_run import machine, project_root, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import project_root
 from benchmarks.same_everywhere import PROJECT, digests
 from orthomill.pipeline.records.power_cut import NOTE
 
@@ -264,8 +265,6 @@ def page(struck_runs: Counter[str], damaged: Counter[str], words: str, latest: f
     lines = [
         "# Runs that are killed, and stores that rot",
         "",
-        f"`python -m benchmarks.trust.chaos {words}`; {machine()}.",
-        "",
         f"Project `{PROJECT}`, two workers. Every row went on to results that are those of an undisturbed run bit for bit, left no",
         "process behind and printed no traceback.",
         "",
@@ -288,7 +287,7 @@ def page(struck_runs: Counter[str], damaged: Counter[str], words: str, latest: f
 
 def main(words: list[str]) -> None:
     """Strike, damage, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks chaos", description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--damages", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
@@ -302,8 +301,4 @@ def main(words: list[str]) -> None:
         reference = digests(quiet / "runs" / PROJECT)
         damages(quiet, reference, options.damages, chance, damaged)
         kills(Path(scratch), reference, options.kills, options.latest, chance, struck_runs)
-    write_result("chaos", page(struck_runs, damaged, " ".join(words), options.latest))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+    write_page("chaos", words, page(struck_runs, damaged, options.latest))

@@ -1,4 +1,4 @@
-"""What checksums, encryption and protection against power cuts cost: `python -m benchmarks.trust.cost_of_trust [ROUNDS] [PROJECT]`.
+"""What checksums, encryption and protection against power cuts cost: `python -m benchmarks cost_of_trust [ROUNDS] [PROJECT]`.
 
 A simulated project (volos) runs with and without them in turn, on two workers, from nothing each time. Without: no checksum of
 chunks or files, the local cluster without TLS, nothing forced to the disk. Processor time of all processes, for the clock tells of
@@ -15,11 +15,11 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from benchmarks.measured_run import machine, project_root, write_result
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import project_root
 
 SMALL, PROJECT = "volos_small", "volos"
 """the project whose runs compile the kernels, and the one that is measured"""
-WITHOUT = "without"
 
 
 class Cost(NamedTuple):
@@ -59,21 +59,21 @@ def run_without(project: str) -> None:
     create = store.zarr.create_array
     dask_cluster.SpecCluster, store.zarr.create_array = OpenCluster, unsealed
     power_cut._flush = lambda folder: None
-    sys.argv = ["orthomill", *words(project)]
+    sys.argv = ["orthomill", *_run_words(project)]
     sys.exit(command())
 
 
-def words(project: str) -> list[str]:
+def _run_words(project: str) -> list[str]:
     return ["run", project, "--workers", "2"]
 
 
 def measured(project: str, bare: bool) -> Cost:
     """One run from nothing in a folder of its own; `bare`: without what is measured."""
-    open_run = [sys.executable, "-m", "benchmarks.trust.cost_of_trust", WITHOUT, project]
+    open_run = [sys.executable, "-m", "benchmarks.trust.cost_of_trust", project]
     with tempfile.TemporaryDirectory() as scratch:
         root = project_root(Path(scratch), project)
         before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-        program = open_run if bare else [_command(), *words(project)]
+        program = open_run if bare else [_command(), *_run_words(project)]
         done = subprocess.run(program, cwd=root, capture_output=True, text=True, env=_environment())
         clock = time.monotonic() - started
     if done.returncode != 0:
@@ -93,8 +93,9 @@ def _environment() -> dict[str, str]:
 
 def page(project: str, runs: list[tuple[Cost, Cost]]) -> str:
     """The page of results."""
-    lines = ["# What trust costs", "", f"`python -m benchmarks.trust.cost_of_trust {len(runs)} {project}`; {machine()}.", ""]
-    lines += [
+    lines = [
+        "# What trust costs",
+        "",
         f"Project `{project}`, two workers, from nothing. Processor time of all processes; in turn, so that the load is alike.",
         "",
     ]
@@ -108,11 +109,9 @@ def page(project: str, runs: list[tuple[Cost, Cost]]) -> str:
     return "\n".join([*lines, "", f"Ratio of the medians: {ratio:.3f}, of the least: {least:.3f} (1.03 is allowed).", ""])
 
 
-def main(arguments: list[str]) -> None:
+def main(words: list[str]) -> None:
     """Measure so many rounds, and write the page."""
-    if arguments[:1] == [WITHOUT]:
-        run_without(arguments[1])
-    rounds, project = int(arguments[0]) if arguments else 3, arguments[1] if arguments[1:] else PROJECT
+    rounds, project = int(words[0]) if words else 3, words[1] if words[1:] else PROJECT
     runs = []
     for number in range(rounds + 1):
         costs = {}
@@ -123,8 +122,13 @@ def main(arguments: list[str]) -> None:
         if number:
             runs.append((costs[True], costs[False]))
             print(runs[-1], flush=True)
-    write_result("cost_of_trust", page(project, runs))
+    write_page("cost_of_trust", words, page(project, runs))
 
 
 if __name__ == "__main__":
     main(sys.argv[1:])
+
+
+if __name__ == "__main__":
+    # Of a process of its own.
+    run_without(sys.argv[1])

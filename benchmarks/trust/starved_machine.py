@@ -1,4 +1,4 @@
-"""Thousands of jobs on a machine that has no time for them: `python -m benchmarks.trust.starved_machine [JOBS] [BUSY]`.
+"""Thousands of jobs on a machine that has no time for them: `python -m benchmarks starved_machine [JOBS] [BUSY]`.
 
 BUSY processes that do nothing but use the processor run beside the two workers of a local cluster. Every job must be done, nothing
 may be printed but the figures, and the results must be whole. Half of the jobs write a tile, the others wait for one and smooth it.
@@ -11,13 +11,12 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.engine.dask_cluster import local_client
 from orthomill.pipeline.engine.dask_runner import DaskRunner
 from orthomill.pipeline.engine.session import Session, Unwatched
@@ -107,12 +106,5 @@ def main(words: list[str]) -> None:
             f"{len(session.failures)} failed, {len(session.blocked)} blocked: {next(iter(session.failures.values()), '')}"
         )
     said = f"{len(session.done)} jobs done, none failed, in {seconds:.0f} s"
-    lines = ["# A starved machine", "", f"`python -m benchmarks.trust.starved_machine {jobs} {busy}`; {machine()}.", ""]
-    write_result(
-        "starved_machine", "\n".join([*lines, f"{said}, on {WORKERS} workers beside {busy} busy processes; no traceback.", ""])
-    )
-
-
-if __name__ == "__main__":
-    # Workers know the functions of its jobs by the module's name, which is another one for the program that is started.
-    import_module("benchmarks.trust.starved_machine").main(sys.argv[1:])
+    done = f"{said}, on {WORKERS} workers beside {busy} busy processes; no traceback."
+    write_page("starved_machine", words, f"# A starved machine\n\n{done}")

@@ -1,4 +1,4 @@
-"""The published tables of vertical line locus on a simulated scene, beside the published values: `make bench-vll`.
+"""The published tables of vertical line locus on a simulated scene, beside the published values.
 
 Windows from 25 to 85 px with the threshold of the t test and with 0.6, on three covers (table 1); heights against the truth at
 every fifth node and a direct run at 50 m (table 2); the errors split by the correlation; the same nodes from the default method,
@@ -8,14 +8,13 @@ his own.
 Source: Tumska, Procyk, Janczak (sources/line_locus.md#results, #checks).
 """
 
-import sys
 import time
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.measured_run import machine, write_result
+from benchmarks.instrument.result_page import write_page
 from benchmarks.vll.default_matcher import default_heights
 from benchmarks.vll.line_locus_scene import (
     BASE,
@@ -258,7 +257,7 @@ def page() -> str:
     """The whole study."""
     pairs = [located_pair(cover) for cover in range(3)]
     runs = {(window, cover): solved(pairs[cover], window) for window in WINDOWS for cover in range(3)}
-    lines = ["# Vertical line locus beside the published study", "", f"`make bench-vll`; {machine()}.", ""]
+    lines = ["# Vertical line locus beside the published study", ""]
     lines += [__doc__.split("\n\n")[1].replace("\n", " "), "", "## Recognised nodes, % (table 1)", "", *table_1(runs), ""]
     for cover in range(3):
         note = "% of the 5959 nodes; % of the 252 checks; RMSE, m; greatest error, m. Each with R_c / with 0.6."
@@ -281,6 +280,6 @@ def page() -> str:
     return "\n".join([*lines, "", "## Cost", "", speed(pairs[0]), "", *checks(), ""])
 
 
-if __name__ == "__main__":
-    write_result("line_locus", page())
-    sys.exit(0)
+def main(words: list[str]) -> None:
+    """Measure and write the page."""
+    write_page("line_locus", words, page())

@@ -1,13 +1,12 @@
 """What the map of tiles costs a run: a finished run is told to it again, job by job, while a page asks ten times a second.
 
-    python -m benchmarks.watching.map_cost PROJECT     (a project with a finished run, or the path of its workflow)
+    python -m benchmarks map_cost PROJECT     (a project with a finished run, or the path of its workflow)
 
 Processor time of the process of the scheduler, beside that of the jobs: a worker that waits for it waits that long at most.
 """
 
 import gzip
 import json
-import sys
 import time
 from pathlib import Path
 
@@ -27,9 +26,9 @@ ASKED = 0.1
 """seconds of work of all workers between two answers"""
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Print both times and their ratio."""
-    session = session_of(load_workflow(resolve_workflow(sys.argv[1], Path.cwd()), STAGES))
+    session = session_of(load_workflow(resolve_workflow(words[0], Path.cwd()), STAGES))
     session.__class__ = Replayed
     kept = [record for stage in session.stages for record in Records(session.folder).of_stage(stage.kind)]
     records = {record.key: record for record in kept if record.status == "done"}
@@ -70,7 +69,3 @@ def on_the_ground(shown: LiveMap) -> list[int]:
     """The tiles whose pictures a page asks for."""
     whole = shown.changes(0, 0)
     return [tile for tile, panel in enumerate(whole["places"][::3]) if whole["panels"][panel][2]]
-
-
-if __name__ == "__main__":
-    main()

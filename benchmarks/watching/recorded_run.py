@@ -1,6 +1,6 @@
 """A finished run as a log of its jobs on a clock of its own, so that it can be replayed without its data.
 
-    python -m benchmarks.watching.recorded_run PROJECT LOG     (a project with a finished run, or the path of its workflow)
+    python -m benchmarks recorded_run PROJECT LOG     (a project with a finished run, or the path of its workflow)
 
 The clock shows what an idle machine's would: jobs begin in the order of the records, when their inputs are there and one of WORKERS
 is free, and last as long as the processor worked for them. Who else used the machine at that time does not matter.
@@ -9,7 +9,6 @@ is free, and last as long as the processor worked for them. Who else used the ma
 import gzip
 import heapq
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,12 +185,8 @@ def recorded(workflow: Path) -> RunLog:
     return RunLog(photograph_pixels(session) / 1e6, tuple(found))
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Record one run."""
-    log = recorded(resolve_workflow(sys.argv[1], Path.cwd()))
-    write_log(Path(sys.argv[2]), log)
+    log = recorded(resolve_workflow(words[0], Path.cwd()))
+    write_log(Path(words[1]), log)
     print(f"{len(log.events)} events, {log.whole:.0f} s, {log.megapixels:.1f} megapixels")
-
-
-if __name__ == "__main__":
-    main()

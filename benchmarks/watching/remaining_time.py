@@ -1,15 +1,14 @@
 """How well the remaining time is estimated: recorded runs are replayed, and every estimate is compared with what came.
 
-    python -m benchmarks.watching.remaining_time                      the runs recorded in benchmarks/watching/recordings
-    python -m benchmarks.watching.remaining_time LOG ...              every estimate of other recorded runs
-    python -m benchmarks.watching.remaining_time --release            writes pipeline/forecast/costs.json from the recorded runs
+    python -m benchmarks remaining_time                      the runs recorded in benchmarks/watching/recordings
+    python -m benchmarks remaining_time LOG ...              every estimate of other recorded runs
+    python -m benchmarks remaining_time --release            writes pipeline/forecast/costs.json from the recorded runs
 
 A first run expects what the other blocks took, never its own; a second one what the first one of the same project took. Logs whose
 name ends in `_cold` are of runs that compiled all their kernels. Replayed on the clock of an idle machine, the same on any machine.
 """
 
 import json
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -151,27 +150,21 @@ def summary_line(name: str, log: RunLog, found: list[Estimate]) -> str:
     return f"| {name} | {log.whole:.0f} | {at:+.0f} | {worst} | {100 * within:.0f} | {100 * covered:.0f} |"
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Print the table, or every estimate."""
-    if sys.argv[1:] == ["--release"]:
+    if words == ["--release"]:
         path = Path(known_costs.__file__).parent / "costs.json"
         path.write_text(json.dumps(released(), indent=1) + "\n")
         return
-    logs = {
-        path.name.removesuffix(".json.gz"): read_log(path) for path in map(Path, sys.argv[1:] or sorted(RUNS.glob("*.json.gz")))
-    }
-    if not sys.argv[1:]:
+    logs = {path.name.removesuffix(".json.gz"): read_log(path) for path in map(Path, words or sorted(RUNS.glob("*.json.gz")))}
+    if not words:
         print("| run | whole (s) | at 60 s (%) | from then on (%) | within 30 % | said error covers (%) |")
         print("| --- | --- | --- | --- | --- | --- |")
     for name, log, known in first_and_second(logs):
         found = list(estimates(log, known, cold=f"{COLD}," in name))
-        if sys.argv[1:]:
+        if words:
             print(f"{name}\n{'after s':>8} {'left s':>8} {'said s':>8} {'+-':>6} {'off %':>6}")
             for one in found:
                 print(f"{one.time:8.0f} {one.left:8.0f} {one.said.seconds:8.0f} {one.said.error:6.0f} {one.off:6.0f}")
         elif log.whole > FROM + LAST:
             print(summary_line(name, log, found))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """What the map of tiles costs the scheduler and a browser: many tiles, of which some end ten times a second.
 
-    python -m benchmarks.watching.tile_map [TILES] [TILES THAT END IN A SECOND]
+    python -m benchmarks tile_map [TILES] [TILES THAT END IN A SECOND]
 
 The board and its routes run in this process, as they run in that of the scheduler; a headless Chromium shows the page.
 """
@@ -9,7 +9,6 @@ import asyncio
 import os
 import random
 import shutil
-import sys
 import time
 from threading import Thread
 
@@ -75,11 +74,11 @@ def browser_seconds() -> float:
     return sum(sum(child.cpu_times()[:2]) for child in psutil.Process().children(recursive=True))
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Print what it costs."""
     from playwright.sync_api import sync_playwright
 
-    count, ends = (int(sys.argv[1]) if len(sys.argv) > 1 else 10**6), (int(sys.argv[2]) if len(sys.argv) > 2 else 200)
+    count, ends = (int(word) for word in (*words, *("1000000", "200")[len(words) :]))
     memory = psutil.Process().memory_info().rss
     board = full_board(count)
     print(f"{len(board.keys)} tiles, {(psutil.Process().memory_info().rss - memory) / 2**20:.0f} MiB with their keys")
@@ -106,7 +105,3 @@ def main() -> None:
         print(f"answers that the page drew: {page.evaluate('answered') / passed:.1f} a second")
         browser.close()
     os._exit(0)  # the server's thread has no end of its own
-
-
-if __name__ == "__main__":
-    main()

@@ -44,7 +44,7 @@ REFERENCE: dict[str, tuple[Rate, ...]] = {
     "texture": (Rate(6.8, 7.0, 1.42, 1157), Rate(8.2, 4.7, 1.30, 917), Rate(7.3, 2.8, 1.44, 1201), Rate(8.1, 4.7, 1.12, 1444)),
     "evaluation": (Rate(7.7, 3.5, 0.48, 1157),),
 }
-"""Measured with `python -m benchmarks.forecast_rates RUN...` on volos (34 megapixels), brighton (41), caliterra and seneca (66),
+"""Measured with `python -m benchmarks forecast_rates RUN...` on volos (34 megapixels), brighton (41), caliterra and seneca (66),
 with all settings at their defaults and two cores of one machine."""
 
 

@@ -1,6 +1,6 @@
 """From files to a block, as a user does it: what 100, 300 and 1000 photographs of one megapixel take, stage by stage.
 
-    python -m benchmarks.orientation.growth.run_growth [folder=FOLDER] [photographs ...]      (make bench-growth)
+    python -m benchmarks run_growth [folder=FOLDER] [photographs ...]
 
 The block is rendered (`rolling_land`); `init` and `run --until orientation --workers 2` do the rest, with all defaults. Photographs
 and runs stay in FOLDER (default: .cache/growth). An interrupted program goes on where it stopped: photographs that are there are
@@ -10,11 +10,11 @@ were measured. Kernels are compiled by a run of twenty photographs that is not c
 
 import csv
 import shutil
-import sys
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from benchmarks.measured_run import RESULTS, ROOT, machine, orthomill, summary, write_result
+from benchmarks.instrument.result_page import RESULTS, write_page
+from benchmarks.measured_run import ROOT, orthomill, summary
 from benchmarks.orientation.foreign_blocks import cpu_of_children
 from benchmarks.orientation.growth.rolling_land import Land, stations, write_photograph
 
@@ -108,8 +108,6 @@ def page(sizes: list[Size]) -> str:
     text = [
         "# Growth with the number of photographs",
         "",
-        f"`python -m benchmarks.orientation.growth.run_growth` (make bench-growth), {machine()}.",
-        "",
         "Rendered photographs of one megapixel of a rolling land, 75 and 60 % overlap, GNSS by EXIF; `init`, then "
         "`run --until orientation --workers 2` with all defaults, from the files to the block. CPU seconds of all processes by the "
         "number of photographs, in the stages' jobs and in the rest: planning, records, scheduler, starting Python. Kernels "
@@ -144,29 +142,25 @@ def sizes_before() -> dict[int, Size]:
     return {row.photos: row for row in rows}
 
 
-def keep(sizes: dict[int, Size]) -> None:
+def keep(sizes: dict[int, Size], words: list[str]) -> None:
     """Writes the record and the page, in order of size."""
     own = [sizes[photos] for photos in sorted(sizes)]
     with RECORD.open("w", newline="") as file:
         table = csv.DictWriter(file, [field.name for field in fields(Size)], lineterminator="\n")
         table.writeheader()
         table.writerows(asdict(size) for size in own)
-    write_result("run_growth", page(own))
+    write_page("run_growth", words, page(own))
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     """Measures the sizes that are named on the command line, or all."""
-    words = dict(word.split("=") for word in sys.argv[1:] if "=" in word)
-    folder = Path(words.get("folder", ROOT / ".cache" / "growth")).resolve()
+    given = dict(word.split("=") for word in words if "=" in word)
+    folder = Path(given.get("folder", ROOT / ".cache" / "growth")).resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    named = [int(word) for word in sys.argv[1:] if "=" not in word]
+    named = [int(word) for word in words if "=" not in word]
     run_block(folder, *WARMING)
     for photos in named or SIZES:
         found = run_block(folder, *SIZES[photos])
-        keep(sizes_before() | {photos: found})
+        keep(sizes_before() | {photos: found}, words)
         # A finished block is measured anew by the next call, not found unchanged.
         shutil.rmtree(folder / f"block_{photos}")
-
-
-if __name__ == "__main__":
-    main()

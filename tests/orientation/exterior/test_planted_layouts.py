@@ -1,4 +1,4 @@
-"""A few of the sixty layouts with planted blunders (all of them: make bench-layouts)."""
+"""A few of the sixty layouts with planted blunders (all of them: make bench only=planted_layouts)."""
 
 import numpy as np
 import pytest
