@@ -50,11 +50,14 @@ dashboard: $(STAMP) ## Print the address of the dashboard of a run that is going
 doctor: $(STAMP) ## Examine this machine
 	@$(BIN)/orthomill doctor
 
-test: $(STAMP) ## Run all tests, on two processes
-	@$(BIN)/python -m pytest -n 2 --dist loadfile
+# Whole files, so that what a file makes is made once; in the order of tests/conftest.py.
+PROCESSES := -n 2 --dist loadfile --no-loadscope-reorder
 
-test-fast: $(STAMP) ## Run the tests that take seconds
-	@$(BIN)/python -m pytest -m "not slow"
+test: $(STAMP) ## Run all tests, on two processes
+	@$(BIN)/python -m pytest $(PROCESSES)
+
+test-fast: $(STAMP) ## Run the tests that take less than two seconds each, on two processes
+	@$(BIN)/python -m pytest -m "not slow" $(PROCESSES)
 
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow

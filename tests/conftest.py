@@ -18,3 +18,10 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.ge
 settings.register_profile("here", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Several processes take whole files, those with slow tests first: one that begins last keeps everybody waiting."""
+    if hasattr(config, "workerinput"):
+        slow = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in slow)

@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from small_site import make_site
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("orthomill", "pipeline", "schemas", "tasks")
@@ -116,10 +117,10 @@ def test_modules_of_the_user_are_not_taken_for_ours(installed, folder):
 
 @pytest.mark.slow
 def test_a_project_runs_where_modules_are_called_like_ours(installed, folder):
-    (folder / "workflows").mkdir()
-    text = (ROOT / "workflows" / "volos_small.yaml").read_text()
-    (folder / "workflows" / "volos_small.yaml").write_text(text)
-    said = answer(installed, folder, "orthomill", "run", "volos_small", "--until", "photos", "--workers", "1")
+    site = make_site(folder / "site")
+    for intruder in folder.glob("*.py"):
+        intruder.rename(site / intruder.name)
+    said = answer(installed, site, "orthomill", "run", "site", "--until", "tie_points", "--workers", "1")
     assert ", 0 failed" in said
-    assert (folder / "runs" / "volos_small" / "tables" / "photos" / "photos.json").exists()
-    assert list((folder / "cache" / "orthomill" / "kernels").iterdir()), "compiled kernels are kept in the user's cache"
+    assert (site / "runs" / "site" / "tables" / "photos" / "photos.json").exists()
+    assert list((site / "cache" / "orthomill" / "kernels").rglob("*.nbi")), "compiled kernels are kept in the user's cache"

@@ -77,6 +77,7 @@ def project(tmp_path_factory):
     return root / "runs" / "wide"
 
 
+@pytest.mark.slow
 def test_its_surface_is_the_ground(project: Path):
     with rasterio.open(project / "products" / "dsm.tif") as file:
         heights = file.read(1, masked=True).filled(np.nan)

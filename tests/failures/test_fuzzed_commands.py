@@ -103,6 +103,7 @@ def plausible_table(chance: random.Random, header: str, name: str, near: tuple[f
     return header + "\n".join(",".join(map(str, row)) for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(max(CASES // 10, 4)))
 def test_whatever_files_hold_run_answers_and_what_it_makes_has_numbers(site, monkeypatch, seed):
     monkeypatch.chdir(site)

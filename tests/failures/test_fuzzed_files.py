@@ -68,6 +68,7 @@ def answered(call, error=WorkflowError, lines: int = 11):
         return None
 
 
+@pytest.mark.slow
 @fuzzed
 @given(tables(POSITIONS))
 @example(POSITIONS + "\na,1,2,nan,1,1,1")

@@ -65,6 +65,7 @@ def test_a_damaged_photograph_with_line_ends_in_its_name_is_one_line(site):
     assert "photos/two\\nlines.JPG is empty (0 bytes); copy it again from the camera." in said
 
 
+@pytest.mark.slow
 def test_a_terminal_that_cannot_show_a_name_shows_its_codes(site, monkeypatch):
     renamed(site, ("α", "b", "c"))
     (site / "photos" / "α.JPG").write_bytes(b"")

@@ -30,6 +30,7 @@ def test_a_shell_in_which_nothing_can_be_loaded_is_named(site, mib):
     assert f"error: This shell allows a process {mib} MiB of memory (ulimit -v)" in said and "ulimit -v unlimited" in said
 
 
+@pytest.mark.slow
 def test_a_shell_in_which_a_job_would_be_killed_is_named_before_anything_runs(site):
     said = limited(site, 3500, "run", "site", "--workers", "1")
     assert "This shell allows a process 3500 MiB of memory (ulimit -v), but with --memory 1500 it may need 3900 MiB" in said
@@ -75,6 +76,7 @@ def test_a_long_path_in_the_workflow_is_named_with_its_line(site, change):
     assert "workflows/site.yaml:" in said and "characters, longer than any path of this system" in said
 
 
+@pytest.mark.slow
 def test_a_locale_without_letters_shows_codes(site, monkeypatch):
     photo = photographs(site)[0]
     photo.rename(photo.with_stem("α"))
@@ -84,6 +86,7 @@ def test_a_locale_without_letters_shows_codes(site, monkeypatch):
     assert "photos" in said
 
 
+@pytest.mark.slow
 def test_remarks_of_libraries_on_numbers_are_not_shown():
     remark = "import atexit, sys, numpy as np; atexit.register(lambda: np.ones(1) / np.zeros(1))"
     run = "sys.argv = ['orthomill', '--version']; from orthomill.pipeline.cli.environment import main; main()"

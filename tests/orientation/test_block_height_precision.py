@@ -31,6 +31,7 @@ def standardised_heights(block, result):
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [one_strip, two_strips], ids=["positions on a line, camera from EXIF", "control, calibrated"])
 def test_expected_errors_of_heights_are_what_happens(make):
     found = []

@@ -46,6 +46,7 @@ def of_kind(tables, kind):
     return [one for one in tables["precision"].findings if isinstance(one, kind)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gnss", [3.0, 0.015])
 def test_a_block_demands_what_keeps_it_from_bending(gnss):
     block = flight(TRUE, gnss)
@@ -57,6 +58,7 @@ def test_a_block_demands_what_keeps_it_from_bending(gnss):
     assert not [found for found in of_kind(tables, BlockBent) if found.grave]
 
 
+@pytest.mark.slow
 def test_without_them_the_bend_is_named():
     block = flight(TRUE, 0.5)
     tables = orient(block, interior=WeightedInterior(kind="weighted", parameters=("c", "k1", "k2", "p1", "p2")))
@@ -64,6 +66,7 @@ def test_without_them_the_bend_is_named():
     assert abs(bend(block, tables)) > 0.05
 
 
+@pytest.mark.slow
 def test_a_sound_camera_is_left_alone():
     block = flight(SOUND)
     tables = orient(block)
@@ -72,5 +75,6 @@ def test_a_sound_camera_is_left_alone():
     assert (camera.x0, camera.y0, camera.lens.k3) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_an_interior_orientation_that_the_workflow_fixes_is_not_touched():
     assert of_kind(orient(flight(TRUE), interior=FixedInterior(kind="fixed")), InteriorDemanded) == []

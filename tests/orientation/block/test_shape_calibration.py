@@ -1,6 +1,7 @@
 """A nominal camera constant without control: determined by photographs that converge, kept by those that look one way."""
 
 import numpy as np
+import pytest
 from orienting import orient, sentences, standardised_lengths
 from simulated_block import DRONE, block_of, looking
 
@@ -21,6 +22,7 @@ def around(rng, aim, spread, height, photos=12):
     return block_of(views, points, rng, gnss=None, camera=NOMINAL)
 
 
+@pytest.mark.slow
 def test_photographs_that_converge_determine_the_camera_constant():
     block = around(np.random.default_rng(3), aim=0.0, spread=8, height=12)
     out = orient(block)

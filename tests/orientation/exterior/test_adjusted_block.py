@@ -70,6 +70,7 @@ def test_one_strip_with_rough_positions_says_that_its_tilt_is_assumed():
     assert np.degrees(sigma[3:].min()) < 2
 
 
+@pytest.mark.slow
 def test_a_nominal_camera_constant_is_kept_without_control_and_its_uncertainty_reaches_the_ground():
     block = one_strip(4)
     out = orient(block)
@@ -112,6 +113,7 @@ def test_shift_without_control_is_refused():
         orient(two_strips(6, control=0), gnss_shift="constant")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "guessed"), [(0.25, True), (0.03, False)])
 def test_a_camera_constant_that_nothing_told_is_found_and_not_contradicted(share, guessed):
     block = two_strips(9)

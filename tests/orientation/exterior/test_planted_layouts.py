@@ -15,6 +15,7 @@ def test_there_are_sixty_layouts():
     assert len(set(LAYOUTS)) == 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "knowledge"), SHORT, ids=[" ".join(one) for one in SHORT])
 def test_planted_blunders_are_named_and_nothing_else(shape, knowledge):
     block = layout(shape, knowledge)

@@ -3,6 +3,7 @@ to 0.20 px)."""
 
 import cv2
 import numpy as np
+import pytest
 from village_pair import normal_case, render, village
 
 from orthomill.tasks.matching.least_squares.matching import match_points, prepare
@@ -12,6 +13,7 @@ from orthomill.tasks.matching.points.interest_points import HarrisPoints, intere
 from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 
 
+@pytest.mark.slow
 def test_matches_sharpened_by_least_squares_contradict_each_other_less():
     pair = normal_case(700)
     seen = render(village(700, 6, seed=2), pair)

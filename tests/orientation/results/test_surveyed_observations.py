@@ -33,6 +33,7 @@ def with_blunder(block, name, error):
     return with_control(block, lambda i, p: p.model_copy(update={"xyz": tuple(np.array(p.xyz) + error)}) if p.name == name else p)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "axis"), [(2, 0), (2, 2), (4, 1), (5, 2)])
 def test_a_blunder_in_control_is_named_as_soon_as_reliability_lets_it_be(number, axis):
     """The block tells how well a coordinate is checked: its residual has the standard error s_v, the coordinate s, and an error
@@ -92,6 +93,7 @@ def test_a_wrong_measurement_of_a_control_point_is_not_blamed_on_its_coordinates
     assert f"1 of {len(point.measurements)} measurements of the control point {point.name}" in text and photo in text
 
 
+@pytest.mark.slow
 def test_good_control_stays():
     for seed in range(3):
         assert orient(two_strips(20 + seed))["precision"].blunders == ()

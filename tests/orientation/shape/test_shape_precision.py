@@ -42,6 +42,7 @@ def test_the_covariance_of_bends_is_that_of_all_points_together(free):
     assert np.allclose(found, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_bends_scatter_as_stated():
     """Forty blocks with noise of all observations: whitened coefficients of the bends have unit variance."""
     squares = []

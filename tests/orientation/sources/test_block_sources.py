@@ -68,6 +68,7 @@ def test_two_strips_with_heights_15_m_apart_are_not_tilted():
     assert not of_code(out, "datum_misfit") and out["precision"].offsets[0].axis == 2
 
 
+@pytest.mark.slow
 def test_a_flight_by_its_tags_has_three_offsets():
     block = shifted(grid(5, strips=4), 10, (0.3, -0.2, 0.6))
     out = orient(changed(block, lambda i, photo: {"flight": int(i >= 10)}))
@@ -76,6 +77,7 @@ def test_a_flight_by_its_tags_has_three_offsets():
     assert np.abs(errors(block, out)).max() < 0.15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gnss", [0.02, 3.0])
 def test_heights_of_positions_and_control_in_two_systems_keep_the_control(gnss):
     block = shifted(grid(3, gnss=gnss, control=5), 0, (0.0, 0.0, 47.23))
@@ -88,6 +90,7 @@ def test_heights_of_positions_and_control_in_two_systems_keep_the_control(gnss):
     assert any("above the control" in sentence for sentence in sentences(out["precision"]))
 
 
+@pytest.mark.slow
 def test_control_in_feet_is_named_and_no_right_point_blamed():
     block = grid(4, gnss=3.0, control=5)
     feet = tuple(p.model_copy(update={"xyz": (*p.xyz[:2], p.xyz[2] / 0.3048)}) for p in block.control.points)

@@ -136,6 +136,7 @@ def told_constant(out):
     return text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", KNOWN)
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_the_block(factor, known):
@@ -150,6 +151,7 @@ def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_th
         assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
     out = orient(with_focal_length(two_strips(34), factor, "given"), interior=FIXED)
@@ -157,6 +159,7 @@ def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
     assert out["block"].cameras["cam"].c == pytest.approx(factor * TRUE_CAMERA.c, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_right_focal_length_is_not_blamed():
     for known in KNOWN.values():
         out = orient(with_focal_length(two_strips(37, **known), 1.0, "exif"))
@@ -179,6 +182,7 @@ def test_a_photograph_without_tie_points_leaves_the_rest():
     assert len(names_of(out)) == 6 and out["block"].unoriented[0].photo == "lone"
 
 
+@pytest.mark.slow
 def test_a_focal_length_wrong_by_two_is_named_with_oblique_views_too():
     """Every other photograph looks 30 degrees aside: nearly half of the measurements contradict the wrong constant at the start."""
     rng = np.random.default_rng(5035)
@@ -210,6 +214,7 @@ def oblique_with_the_right_constant():
     return orient(oblique(1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_wrong_focal_length_of_a_small_oblique_block_is_named_and_leaves_no_trace(factor, oblique_with_the_right_constant):
     out, right = orient(oblique(factor)), oblique_with_the_right_constant
@@ -228,6 +233,7 @@ def with_a_camera_of_its_own(block, photo, factor):
     return replace(block, cameras=block.cameras.model_copy(update=changed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_one_wrong_focal_length_among_many_is_the_only_one_that_changes(factor):
     out = orient(with_a_camera_of_its_own(one_strip(7), "d3", factor))
@@ -237,6 +243,7 @@ def test_one_wrong_focal_length_among_many_is_the_only_one_that_changes(factor):
     assert out["block"].cameras["cam"].c == 1165.0
 
 
+@pytest.mark.slow
 def test_a_photograph_with_few_tie_points_in_a_corner_is_set_aside_and_the_rest_stands():
     """Eight tie points in a corner put it 130 m from its position."""
     rng, views = np.random.default_rng(1), []
@@ -259,6 +266,7 @@ def folded(block, k1):
     return replace(block, cameras=block.cameras.model_copy(update={"cameras": {"cam": camera}}))
 
 
+@pytest.mark.slow
 def test_a_distortion_that_folds_the_corners_is_told_in_a_sentence():
     (text,) = [text for text in sentences(orient(folded(one_strip(3, photos=4), -0.3))["precision"]) if "cannot be undone" in text]
     assert "The distortion of the camera cam" in text and "k1 = -0.3, c = 1165 px" in text and "another camera" in text

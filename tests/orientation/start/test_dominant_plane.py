@@ -35,6 +35,7 @@ def pavement_relief(block, out):
     return float(np.ptp(out["points"].z[level])) / 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_ground_round_an_object_is_level(seed):
     block = stone(seed, 1500)

@@ -27,6 +27,7 @@ def street(seed, skyline=80):
     return block_of(views, ORIGIN + np.vstack([houses, away]), rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_walk_along_a_street_is_level_and_its_skyline_is_no_tie_point(seed):
     block = street(seed)
@@ -41,6 +42,7 @@ def test_a_walk_along_a_street_is_level_and_its_skyline_is_no_tie_point(seed):
     assert np.median(np.abs(error / sigma)) < 1.5
 
 
+@pytest.mark.slow
 def test_level_photographs_may_be_held_upright_or_not():
     """Many photographs of the walk were turned upright by their EXIF flags: the sensor lay on its side, or on its head."""
     block = street(3, skyline=0)
@@ -55,6 +57,7 @@ def test_level_photographs_may_be_held_upright_or_not():
         assert (np.abs(np.array(found.centre) - plain["block"].of(v.name).centre) < 0.3 * sigma).all()
 
 
+@pytest.mark.slow
 def test_photographs_along_one_line_that_look_aside_are_level_when_the_workflow_says_so():
     rng = np.random.default_rng(5)
     views = [

@@ -1,6 +1,7 @@
 """The largest set of rays of a point that meet."""
 
 import numpy as np
+import pytest
 from simulated_block import looking
 
 from orthomill.tasks.orientation.start.point_consensus import PointRays, _agreeing, consensus
@@ -25,6 +26,7 @@ def rays_of(points, centres, wrong, rng, tolerance=0.002):
     )
 
 
+@pytest.mark.slow
 def test_a_wrong_ray_along_the_base_is_the_one_that_disagrees():
     rng = np.random.default_rng(3)
     centres = np.column_stack([20.0 * np.arange(4), np.zeros(4), np.full(4, 80.0)])

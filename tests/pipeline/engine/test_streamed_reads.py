@@ -244,6 +244,7 @@ def _streamed(job: Job) -> Job:
     return Job(job.stage, job.item, add_streamed, {"parts": Stream(job.reads["parts"])}, job.writes)
 
 
+@pytest.mark.slow
 def test_both_runners_stream_with_the_same_result(tmp_path):
     run_in(tmp_path / "eager")
     stages = (SourceStage(), SmoothStage(), StreamedSum())

@@ -61,6 +61,7 @@ def test_the_map_is_behind_a_secret_and_gone_afterwards():
         urllib.request.urlopen(address, timeout=10)
 
 
+@pytest.mark.slow
 def test_the_menu_of_dask_begins_with_the_map_and_does_not_lead_to_the_graph():
     with local_client(1, MEMORY, 8950) as client:
         assert observe(client, Notes(), tile_routes("the page", BoardAlone(full_board(4))), "tiles")

@@ -389,6 +389,7 @@ def test_a_folder_that_cannot_be_written_to(root):
         write_workflow(loaded, root / "workflows" / "site.yaml" / "workflow.yaml")
 
 
+@pytest.mark.slow
 def test_twenty_thousand_unknown_settings_are_answered_in_seconds(root):
     path = workflow(root, HEAD + STAGES + "".join(f"key{number}: 1\n" for number in range(20_000)))
     begun = process_time()
