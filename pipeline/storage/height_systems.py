@@ -14,7 +14,7 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.maps.geoid_grids import how_to_get, missing_grids, with_grids_of_the_system
+from orthomill.schemas.maps.geoid_grids import how_to_get, leaves_heights, missing_grids, with_grids_of_the_system
 
 FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us-ft": 1200 / 3937, "us survey foot": 1200 / 3937, "ftus": 1200 / 3937}
 """names of units of bands -> m"""
@@ -84,7 +84,7 @@ def vertical_shift(x: np.ndarray, y: np.ndarray, system: HeightSystem, target: C
     """What is to be added (N,) m to heights of a file at places (N,) of the target's plan system, once they are in metres."""
     with_grids_of_the_system()
     group = TransformerGroup(system.whole, target, always_xy=True)
-    if not group.transformers or not group.best_available:
+    if leaves_heights(group):
         grids = missing_grids(group.unavailable_operations)
         missing = f" the grid {grids[0]} ({how_to_get(grids)})" if grids else " a grid that PROJ does not name"
         raise WorkflowError(

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 from pyproj import CRS, Transformer
+from pyproj.aoi import AreaOfInterest
 from pyproj.crs import GeographicCRS
 from pyproj.exceptions import ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.maps.geoid_grids import how_to_get, missing_grids, with_grids_of_the_system
+from orthomill.schemas.maps.geoid_grids import how_to_get, leaves_heights, missing_grids, with_grids_of_the_system
 from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence
 from orthomill.schemas.maps.system_names import known_crs
 from orthomill.tasks.geometry.reference_system import ground_crs
@@ -24,6 +25,7 @@ _ZONES_IN_FRONT = ("EPSG:5651", "EPSG:4647", "EPSG:5650")
 """ETRS89 / UTM zones 31 to 33 with the zone before the easting, as German offices write it"""
 _LONG = 60
 """letters of the name of a system, beyond which it is its whole definition"""
+_NEIGHBOURHOOD = 0.01  # degrees
 _RADIUS, _SURFACE, _HIGHEST = 6_368_000.0, 40_000.0, 100_000.0
 """m: the Earth, how far from it its ellipsoid and the flights above it are, and a height that is none"""
 _NEAR = 20_000.0
@@ -141,8 +143,9 @@ def _with_heights(points: np.ndarray, start: CRS, end: CRS, source: str, target:
     """Points (N, 3) transformed in all three coordinates. Raises WorkflowError when PROJ lacks the best operation's grid."""
     with_grids_of_the_system()
     # A Transformer falls back silently on a ballpark operation, which leaves heights as they are; the group says that it does.
-    group = TransformerGroup(start, end, always_xy=True)
-    if not group.best_available or not group.transformers:
+    place = _around(points, source)
+    group = TransformerGroup(start, end, always_xy=True, area_of_interest=place)  # type: ignore[arg-type]
+    if leaves_heights(group):
         missing = missing_grids(group.unavailable_operations)
         raise WorkflowError(
             f"Heights cannot be transformed from {_named(start, source)} to {_named(end, target)}: PROJ lacks the grid "
@@ -151,6 +154,15 @@ def _with_heights(points: np.ndarray, start: CRS, end: CRS, source: str, target:
     out = np.column_stack(group.transformers[0].transform(*points.T))
     _check_finite(out, source, target)
     return out
+
+
+def _around(points: np.ndarray, source: str) -> AreaOfInterest | None:
+    """The place of points, so that PROJ offers the grids that are for it; None where they have no place."""
+    place = middle_degrees(points[:, :2], source)
+    if place is None:
+        return None
+    west, south, east, north = (float(value) for value in np.concatenate([place - _NEIGHBOURHOOD, place + _NEIGHBOURHOOD]))
+    return AreaOfInterest(west, south, east, north)
 
 
 def _named(crs: CRS, text: str) -> str:

@@ -15,6 +15,7 @@ from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PositionsFromExif, PositionsFromFile
 from orthomill.schemas.survey_files.text_encoding import decoded
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.survey_system import transform_surveyed
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.position_files.attitude_conventions import from_yaw_pitch_roll
 from orthomill.tasks.photos.position_sentences import assumptions, heights_sentence, read_sentence, what_was_read
@@ -454,3 +455,20 @@ def test_only_what_was_assumed_is_a_warning(case, assumed):
     note, warning = list(what_was_read(photos)), list(assumptions(photos))
     assert any(text.startswith("Positions: ") for text in (warning if assumed else note))
     assert not any(text.startswith("Positions: ") for text in (note if assumed else warning))
+
+
+@pytest.mark.filterwarnings("ignore:Best transformation")
+@pytest.mark.parametrize(
+    ("crs", "place", "sentence"),
+    [
+        ("EPSG:3067+3900", (25.0, 61.0), "no grid for it is published; give heights in the project's own system"),
+        ("EPSG:32632+5705", (7.6, 45.0), "no grid for it is published"),
+        ("EPSG:32632+3855", (7.6, 45.0), r"lacks the grid us_nga_egm08_25\.tif; get it with"),
+        ("EPSG:6343+5703", (-92.0, 46.8), r"lacks the grid us_noaa_g2018u0\.tif; get it with"),
+        ("EPSG:25832+7837", (10.0, 50.0), r"lacks the grid de_bkg_gcg2016\.tif; get it with"),
+    ],
+)
+def test_heights_that_proj_would_leave_as_they_are_are_refused(crs, place, sentence):
+    """PROJ returns the height above the ellipsoid as one above the sea, and says so in the name of the operation only."""
+    with pytest.raises(OrthomillError, match=sentence):
+        transform_surveyed(np.array([[*place, 100.0]]), "EPSG:4979", crs)
