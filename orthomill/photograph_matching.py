@@ -7,6 +7,7 @@ import numpy as np
 from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.imagery.upright import exif_orientation, upright
 from orthomill.tasks.matching.dense.blocks import DenseMatching
@@ -16,10 +17,12 @@ from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 
 
 def read_photograph(path: str | Path) -> np.ndarray:
-    """Pixels (rows, cols, bands) of a JPEG, TIFF or PNG, upright as EXIF says, in the file's own type. Raises PhotoError."""
+    """Pixels (rows, cols, bands) of a JPEG, TIFF or PNG, upright as EXIF says, in the file's own type; 0 where the file
+    masks it. Raises PhotoError."""
     header = read_header(Path(path))
     pixels = read_pixels(Path(path), Window(0, 0, header.height, header.width))
-    return upright(pixels[:, :, : header.bands], exif_orientation(header.tags))
+    shown = np.where(picture_of(pixels)[..., None], colours_of(pixels), np.zeros((), pixels.dtype))
+    return upright(shown, exif_orientation(header.tags))
 
 
 def match(

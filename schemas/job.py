@@ -54,6 +54,13 @@ class PhotoHeader:
 
 
 @dataclass(frozen=True)
+class PhotoPicture:
+    """Whether the picture of an image file is whole; arrives as an `orthomill.schemas.photo.Soundness`."""
+
+    path: str
+
+
+@dataclass(frozen=True)
 class TextFile:
     """A small text file of the project; arrives as `str`."""
 
@@ -118,7 +125,7 @@ class HeightHeader:
     system: str | None = None
 
 
-FileRegion = PhotoPixels | PhotoHeader | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile
+FileRegion = PhotoPixels | PhotoHeader | PhotoPicture | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile
 """What is read from a file outside the store: one of the user's, or one that a job exports."""
 Region = Raster | Table | FileRegion
 

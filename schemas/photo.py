@@ -23,11 +23,23 @@ class Header(BaseModel):
     height: int
     bands: int
     dtype: str
+    masked: bool = False
+    """The file can say of pixels that they are no picture, most often by an alpha channel, which `bands` does not count."""
     decoding: Decoding = "anywhere"
     # Text, because programs disagree about the types of tags: the same one occurs as a number, a fraction or a padded string.
     tags: dict[str, str] = {}
     damaged_tags: bool = False
     """The file has tags that cannot be read; `tags` is empty."""
+
+
+class Soundness(BaseModel):
+    """Whether the picture of an image file is whole. `fault`: what is wrong with it, and where; empty where it is sound, or of a
+    kind in which only decoding finds faults."""
+
+    model_config = ConfigDict(frozen=True)
+
+    path: str
+    fault: str = ""
 
 
 Fix = Literal["fixed", "float", "single", "none"]
@@ -73,6 +85,8 @@ class Photo(BaseModel):
     height: int
     bands: int
     dtype: str
+    masked: bool = False
+    """Its raster has one more band, full where there is picture."""
     decoding: Decoding = "anywhere"
     exif_orientation: int = 1
     as_taken: bool = False
@@ -127,6 +141,11 @@ class Photo(BaseModel):
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
 
     @property
+    def stored_bands(self) -> int:
+        """Bands of its raster."""
+        return self.bands + self.masked
+
+    @property
     def sensor_orientation(self) -> int:
         """The rotation from the sensor to the upright photograph, as an EXIF orientation."""
         return 1 if self.as_taken else self.exif_orientation
@@ -152,6 +171,8 @@ class PhotoRemarkCode(StrEnum):
     """Files have the same name; `photos` holds, for each one that is set aside, the path of the one that is used and its own."""
     STRAY_POSITION = "stray_position"
     """The GPS tag of a photograph lies `distance_km` from the others and is not used."""
+    DAMAGED_PICTURE = "damaged_picture"
+    """The pictures of files are damaged, and these are set aside; `words`: where, and what is wrong, for each."""
     DAMAGED_TAGS = "damaged_tags"
     """The EXIF tags of photographs cannot be read; they are used like photographs without tags."""
     NO_ALTITUDE = "no_altitude"
@@ -170,11 +191,11 @@ class PhotoRemarkCode(StrEnum):
     ROTATED_WITHOUT_FLAG = "rotated_without_flag"
     """Photographs were rotated by a quarter turn by a program that left no EXIF flag."""
     OWN_PRECISION = "own_precision"
-    """The tags of photographs state how good their positions are, and this is used; `detail`: how they were found."""
+    """The tags of photographs state how good their positions are, and this is used; `words`: how they were found."""
     BELOW_SEA = "below_sea"
     """EXIF says that photographs were taken below the sea, other tags or photographs that they were not: taken as above it."""
     ALL_BELOW_SEA = "all_below_sea"
-    """EXIF says of all photographs that they were taken below the sea, far enough to be a mistake; `detail`: the height."""
+    """EXIF says of all photographs that they were taken below the sea, far enough to be a mistake; `words`: the height."""
     HEIGHT_ABOVE_START = "height_above_start"
     """GPSAltitude is the height above the take-off; the maker's height is used in its place."""
     HEIGHTS_DIFFER = "heights_differ"
@@ -183,10 +204,12 @@ class PhotoRemarkCode(StrEnum):
     """The only heights of photographs are those above the place of take-off."""
     FACTORY_CAMERA = "factory_camera"
     """The tags of photographs hold a calibration, which is the start of the adjustment."""
+    MASKED = "masked"
+    """The files of photographs can mask parts of them, which are not used."""
     DEWARPED = "dewarped"
     """The distortion of photographs was removed in the camera."""
     DIGITAL_ZOOM = "digital_zoom"
-    """Photographs were enlarged in the camera; `detail`: by how much."""
+    """Photographs were enlarged in the camera; `words`: by how much."""
     SEVERAL_SERIALS = "several_serials"
     """Cameras of one model have different serial numbers; `photos`: the names of the cameras."""
 
@@ -199,7 +222,6 @@ class PhotoRemark(BaseModel):
     code: PhotoRemarkCode
     photos: tuple[str, ...]
     distance_km: float | None = None
-    detail: str = ""
     words: tuple[str, ...] = ()
     """what else the sentence names"""
 
@@ -229,5 +251,6 @@ PHOTOS = Table("photos/photos.json", Photos)
 
 
 def photo_raster(name: str, level: int = 0) -> str:
-    """Name of the raster with the pixels of a photograph: (rows, cols, bands), uint8 or uint16, bands 1 or 3."""
+    """Name of the raster with the pixels of a photograph: (rows, cols, bands), uint8 or uint16, bands 1 or 3, and one more for a
+    mask, which is full where there is picture."""
     return f"photos/{name}/{level}"

@@ -14,7 +14,7 @@ from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
-from orthomill.pipeline.storage.image_files import read_header, read_pixels
+from orthomill.pipeline.storage.image_files import picture_fault, read_header, read_pixels
 from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.mesh_files import read_mesh
@@ -30,6 +30,7 @@ from orthomill.schemas.job import (
     MapHeader,
     MeshFile,
     PhotoHeader,
+    PhotoPicture,
     PhotoPixels,
     Raster,
     Reading,
@@ -37,6 +38,7 @@ from orthomill.schemas.job import (
     Stream,
     Table,
 )
+from orthomill.schemas.photo import Soundness
 from orthomill.schemas.survey_files.text_encoding import LARGEST, decoded
 
 _NO_MEMORY = ("bad_alloc", "Insufficient memory", "Cannot allocate memory", "Unable to allocate")
@@ -179,6 +181,8 @@ def read_file(root: Path, region: FileRegion) -> Any:
         header = read_header(root / region.path)
         # The path relative to the root: tables made from it must not depend on where the project is stored.
         return header.model_copy(update={"path": region.path})
+    if isinstance(region, PhotoPicture):
+        return Soundness(path=region.path, fault=picture_fault(root / region.path))
     if isinstance(region, MapHeader):
         return read_map_grid(root / region.path, region.crs)
     if isinstance(region, MapFile):

@@ -1,4 +1,5 @@
 """What the user's files tell before the first job: jobs that read headers and texts only are done in memory, nothing is written.
+Pictures are taken for whole: to look at all of them takes minutes, which are the first of a run.
 
 Their mistakes are told at once and together, not after half an hour in a later stage; their tables let the stages plan further, and
 say what they notice. The run does these jobs again, as any other: they take milliseconds, and what is stored has one origin.
@@ -14,7 +15,8 @@ from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.image_files import read_header
 from orthomill.pipeline.storage.photographs.folder_listing import left_out_lines, list_folder, with_those_below
 from orthomill.schemas.errors import OrthomillError, WorkflowError, first_of
-from orthomill.schemas.job import Job, PhotoHeader, Raster, Region, Table, TextFile, regions_of
+from orthomill.schemas.job import Job, PhotoHeader, PhotoPicture, Raster, Region, Table, TextFile, regions_of
+from orthomill.schemas.photo import Soundness
 from orthomill.schemas.stage_contract import NotYet, Stage
 
 
@@ -86,11 +88,13 @@ class Foresight:
     def _is_known(self, region: Region) -> bool:
         if isinstance(region, Table):
             return region.path in self._from_files
-        return isinstance(region, TextFile | PhotoHeader) and not self._session.graph.is_exported(region.path)
+        return isinstance(region, TextFile | PhotoHeader | PhotoPicture) and not self._session.graph.is_exported(region.path)
 
     def _value(self, region: Region) -> Any:
         if isinstance(region, Table):
             return self.tables[region.path] if region.path in self.tables else self._session.store.table(region)
+        if isinstance(region, PhotoPicture):
+            return Soundness(path=region.path)
         assert isinstance(region, TextFile | PhotoHeader)
         try:
             return read_file(self._session.root, region)

@@ -22,6 +22,7 @@ from orthomill.schemas.job import (
     MapHeader,
     MeshFile,
     PhotoHeader,
+    PhotoPicture,
     Reading,
     Region,
     Stream,
@@ -29,11 +30,18 @@ from orthomill.schemas.job import (
     TextFile,
     regions_of,
 )
-from orthomill.schemas.photo import Header
+from orthomill.schemas.photo import Header, Soundness
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
 
-_HELD = {TextFile: str, PhotoHeader: Header, MapHeader: MapGrid, HeightHeader: MapGrid, MeshFile: TriangleMesh}
+_HELD = {
+    TextFile: str,
+    PhotoHeader: Header,
+    PhotoPicture: Soundness,
+    MapHeader: MapGrid,
+    HeightHeader: MapGrid,
+    MeshFile: TriangleMesh,
+}
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,9 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.io import MemoryFile
 from rasterio.windows import Window as GdalWindow
 
-from orthomill.pipeline.storage.photographs.jpeg_scan import Broken, Fault, broken_jpeg
+from orthomill.pipeline.storage.photographs.jpeg_scan import Fault, broken_jpeg
 from orthomill.pipeline.storage.photographs.other_formats import Other, other_format, read_other_header, read_other_pixels
+from orthomill.pipeline.storage.photographs.transparency import is_masked, opacity
 from orthomill.pipeline.storage.tags.image_tags import carried_tags, image_tags
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Decoding, Header
@@ -79,6 +80,7 @@ def read_header(path: Path) -> Header:
             height=dataset.height,
             bands=bands,
             dtype=dataset.dtypes[0],
+            masked=is_masked(dataset),
             decoding=_decoding(path, dataset),
             tags={} if damaged else image_tags(path, dataset),
             damaged_tags=damaged,
@@ -116,8 +118,8 @@ def _tagged(path: Path, carrier: bytes | None) -> Iterator[rasterio.DatasetReade
 def read_pixels(path: Path, window: Window) -> np.ndarray:
     """Pixels of a window, (height, width, bands) with 1 or 3 bands, as stored: the EXIF orientation flag is not applied here.
 
-    An alpha band is left out. Raises PhotoError when the file is not an image, ends inside the window, or has pixels there that its
-    alpha band masks.
+    A file that masks pixels has one more band, full where there is picture and 0 elsewhere. Raises PhotoError when the file is not
+    an image or ends inside the window.
     """
     other = other_format(path, _first_bytes(path))
     if other:
@@ -133,7 +135,6 @@ def read_pixels(path: Path, window: Window) -> np.ndarray:
         if window.row == 0 and dataset.driver == "JPEG":
             _check_jpeg_picture(path)
         try:
-            _check_mask(path, dataset, window)
             return _decoded(dataset, window, bands)
         except RasterioError as error:
             rows = f"{window.row} to {window.row + window.height - 1}"
@@ -151,27 +152,15 @@ def _check_window(path: Path, window: Window, shape: tuple[int, int]) -> None:
         )
 
 
-def _check_mask(path: Path, dataset: rasterio.DatasetReader, window: Window) -> None:
-    """No pixel is masked by an alpha band."""
-    # Masked pixels are no picture; without a mask in every stage they would be matched and would colour the orthoimage.
-    if ColorInterp.alpha not in dataset.colorinterp:
-        return
-    band = dataset.colorinterp.index(ColorInterp.alpha) + 1
-    alpha = dataset.read(band, window=GdalWindow(window.col, window.row, window.width, window.height))
-    if masked := float((alpha == 0).mean()):
-        raise PhotoError(
-            f"{shown(path)} masks {100 * masked:.2g} % of its pixels in the rows {window.row} to {window.row + window.height - 1} "
-            "by its alpha channel, and masked pixels cannot be kept out of the matching; cut the photograph to what is seen in it, "
-            "or save it without alpha if these pixels are good."
-        )
-
-
 def _decoded(dataset: rasterio.DatasetReader, window: Window, bands: int) -> np.ndarray:
-    pixels = np.empty((*window.shape, bands), dataset.dtypes[0])
+    masked = is_masked(dataset)
+    pixels = np.empty((*window.shape, bands + masked), dataset.dtypes[0])
     piece = max(_PIECE, dataset.block_shapes[0][0])
     for row in range(0, window.height, piece):
         part = GdalWindow(window.col, window.row + row, window.width, min(piece, window.height - row))
-        pixels[row : row + piece] = np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
+        pixels[row : row + piece, :, :bands] = np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
+        if masked:
+            pixels[row : row + piece, :, bands] = opacity(dataset, part)
     return pixels
 
 
@@ -337,20 +326,23 @@ _FAULTS = {
 }
 
 
+def picture_fault(path: Path) -> str:
+    """What is wrong with the picture of a JPEG, and where; empty for a sound one and for other formats, whose decoders find faults.
+    Raises PhotoError for a file that cannot be read."""
+    # Decoders go on behind damage with a picture that is displaced and recoloured: matched, it would be a wrong surface.
+    broken = broken_jpeg(path.read_bytes()) if _first_bytes(path).startswith(b"\xff\xd8\xff") else None
+    if broken is None:
+        return ""
+    where = f"at {100 * broken.share:.0f} % of its height or before" if broken.share < 1 else "somewhere"
+    return f"damaged {where}: it holds {_FAULTS[broken.fault]}"
+
+
 def _check_jpeg_picture(path: Path) -> None:
     """The codes of a JPEG make sense from the first to the last."""
-    # Decoders go on behind damage with a picture that is displaced and recoloured: matched, it would be a wrong surface.
-    broken = broken_jpeg(path.read_bytes())
-    if broken:
-        raise PhotoError(_damaged_picture(path, broken))
-
-
-def _damaged_picture(path: Path, broken: Broken) -> str:
-    where = f"at {100 * broken.share:.0f} % of its height or before" if broken.share < 1 else "somewhere"
-    return (
-        f"The picture in {shown(path)} is damaged {where}: it holds {_FAULTS[broken.fault]}; copy the file again from the camera, "
-        "or leave it out of the photographs."
-    )
+    if fault := picture_fault(path):
+        raise PhotoError(
+            f"The picture in {shown(path)} is {fault}; copy the file again from the camera, or leave it out of the photographs."
+        )
 
 
 def _first_scan(content: mmap.mmap) -> int:

@@ -126,4 +126,7 @@ def _resample(heights, image, stretch, view, frame, out):
             if row < -0.5 or col < -0.5 or row > image.shape[0] - 0.5 or col > image.shape[1] - 0.5:
                 continue
             value = (bicubic_at(image, row, col) - stretch.low) * stretch.gain
+            # a place whose neighbours are masked
+            if value != value:
+                continue
             out[i, j] = np.uint8(min(max(value + 0.5, 1.0), 255.0))

@@ -77,7 +77,7 @@ def photograph_range(overview: np.ndarray) -> GreyRange:
 def resample_tile(
     tile: TileOfPair, photo_window: Window, bicubic: bool, pixels: np.ndarray | None = None, stretch: GreyRange = EIGHT_BITS
 ) -> np.ndarray:
-    """Grey epipolar tile, uint8 (tile.window.shape): 1 to 255, 0 outside the photograph.
+    """Grey epipolar tile, uint8 (tile.window.shape): 1 to 255, 0 outside the photograph and where it is masked.
 
     pixels: (rows, cols, bands) uint8 or uint16, the window `photo_window` of the photograph's level; None where the tile does not
     overlap it. stretch: the grey values that become 0 and 255.
@@ -122,5 +122,8 @@ def _resample(image, source, n, origin, bicubic, out):
                 value = bicubic_at(image, row - source.row, col - source.col)
             else:
                 value = bilinear_at(image, row - source.row, col - source.col)
+            # a place whose neighbours are masked
+            if value != value:
+                continue
             # from 1 on: 0 means outside the photograph, and black roofs must not become holes for the matching
             out[i, j] = np.uint8(min(max((value - source.low) * source.gain + 0.5, 1.0), 255.0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
-from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, tag_text
+from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, Soundness, tag_text
 from orthomill.schemas.project import NoPositions, Positions, PositionsFromExif
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS
 from orthomill.tasks.geometry.reference_system import ground_coordinates, ground_crs
@@ -29,7 +29,7 @@ from orthomill.tasks.photos.rolling_shutter import readout_s, stated_speed
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
 from orthomill.tasks.photos.sorting.names_apart import named_apart
-from orthomill.tasks.photos.sorting.set_aside import without_others
+from orthomill.tasks.photos.sorting.set_aside import without_damaged, without_others
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
 from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped, written_width
 from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
@@ -87,8 +87,8 @@ def photo_from_header(header: Header) -> Photo:
         path=header.path,
         width=cols,
         height=rows,
-        # An alpha band is dropped when the pixels are read.
-        bands=1 if header.bands == 1 else 3,
+        bands=header.bands,
+        masked=header.masked,
         dtype=header.dtype,
         decoding=header.decoding,
         exif_orientation=orientation,
@@ -148,13 +148,16 @@ def index_photos(
     positions_text: str | None = None,
     coordinates: ImageCoordinates = _DIGITAL,
     scan_texts: tuple[str, ...] = (),
+    pictures: tuple[Soundness, ...] = (),
 ) -> PhotoIndex:
     """All photographs of a project, in the order of `headers`, and how scans were transformed.
 
-    positions_text: the CSV file, for the kinds that read one; scan_texts: the files of `coordinates`. Raises PhotoError naming
-    every photograph that cannot be used, WorkflowError for the CRS and the positions file.
+    positions_text: the CSV file, for the kinds that read one; scan_texts: the files of `coordinates`;
+    pictures: whether those of the photographs are whole. Raises PhotoError naming every photograph that cannot be used,
+    WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
+    headers, damaged = without_damaged(headers, pictures)
     headers, aside = without_others(headers)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
     if refusals:
@@ -163,7 +166,7 @@ def index_photos(
     refuse_ambiguous([photo.name for photo in photos])
     photos = with_flights(_with_sensors(with_calibrations(with_serials(shared_equivalents(photos)))))
     photos, about_heights = with_one_sign(photos)
-    remarks += [*aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
+    remarks += [*damaged, *aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
     photos = found.photos
     refuse_unfit_map(photos, crs)
@@ -232,8 +235,8 @@ def _refusal(header: Header, limits: Limits) -> str | None:
     if min(header.width, header.height) < limits.smallest_side:
         size = f"{header.width} x {header.height} pixels"
         return f"{header.path} is only {size}, too small for a photograph (at least {limits.smallest_side} are needed)."
-    if header.bands not in (1, 3, 4):
-        return f"{header.path} has {header.bands} bands; grey (1), RGB (3) and RGB with alpha (4) can be read."
+    if header.bands not in (1, 3):
+        return f"{header.path} has {header.bands} bands; grey (1) and RGB (3) can be read, with an alpha band or without."
     if header.dtype not in ("uint8", "uint16"):
         return (
             f"{header.path} has pixels of type {header.dtype}; unsigned integers of 8 or 16 bits can be read, so convert it first."

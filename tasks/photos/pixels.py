@@ -3,7 +3,9 @@
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.schemas.photo import Soundness
 from orthomill.schemas.raster import Window
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
 from orthomill.tasks.imagery.pyramid import halved_window
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.imagery.upright import upright
@@ -21,11 +23,18 @@ class Exposure(BaseModel):
     black: float
     white: float
     """shares of pixels at the ends of the range"""
+    masked: float = 0.0
+    """share of pixels that are no picture, which the other figures leave out"""
 
 
-def upright_strip(pixels: np.ndarray, orientation: int, bands: int) -> np.ndarray:
-    """Pixels (rows, cols, file bands) as read from the file, upright and without an alpha band: (rows, cols, bands)."""
-    return upright(pixels[:, :, :bands], orientation)
+def picture_soundness(picture: Soundness) -> Soundness:
+    """Whether the picture of a file is whole, as it was found: to be known before hours are spent on the other photographs."""
+    return picture
+
+
+def upright_strip(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Pixels (rows, cols, bands) as read from the file, upright."""
+    return upright(pixels, orientation)
 
 
 def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:
@@ -35,8 +44,11 @@ def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:
 
 def exposure(overview: np.ndarray, photo: str) -> Exposure:
     """Exposure of a photograph from its coarsest level (rows, cols, bands)."""
-    full = _full_range(overview)
-    values = grey(overview) / full
+    picture, full = picture_of(overview), _full_range(colours_of(overview))
+    masked = float(1.0 - picture.mean())
+    if masked == 1.0:
+        return Exposure(photo=photo, mean=0.0, contrast=0.0, black=0.0, white=0.0, masked=masked)
+    values = grey(overview)[picture] / full
     # One grey level of 8 bits from the ends counts as clipped: averaging down the pyramid rarely leaves 0 or 255 exactly.
     return Exposure(
         photo=photo,
@@ -44,6 +56,7 @@ def exposure(overview: np.ndarray, photo: str) -> Exposure:
         contrast=float(values.std()),
         black=float((values <= 1 / 255).mean()),
         white=float((values >= 254 / 255).mean()),
+        masked=masked,
     )
 
 

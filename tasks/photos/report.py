@@ -18,12 +18,14 @@ PICTURES = 6
 # Shares of clipped pixels and a contrast from which on matching suffers visibly; measured on the coarsest level, where noise has
 # been averaged away and only the scene's own contrast is left.
 _MOST_CLIPPED, _LEAST_CONTRAST = 0.1, 0.03
+_MOST_MASKED = 0.9
 # Marks are measured to half a pixel or so; twice the pixel is more than careless measuring explains.
 _WORST_FIT_PX = 2.0
 # What was set aside may be what the user relies on.
 _GRAVE = (
     PhotoRemarkCode.POSITIONS_FAR_APART,
     PhotoRemarkCode.STRAY_POSITION,
+    PhotoRemarkCode.DAMAGED_PICTURE,
     PhotoRemarkCode.NO_ALTITUDE,
     PhotoRemarkCode.DAMAGED_TAGS,
 )
@@ -42,13 +44,13 @@ _SCAN_COLUMNS = (
 
 
 _SENTENCES = {
-    PhotoRemarkCode.OWN_PRECISION: "Positions by the tags: {detail}; each has its own standard error.",
+    PhotoRemarkCode.OWN_PRECISION: "Positions by the tags: {words}; each has its own standard error.",
     PhotoRemarkCode.BELOW_SEA: (
         "EXIF says of {count} ({names}) that they were taken below the sea, other tags or the other photographs that they were "
         "not: their heights were taken as above it."
     ),
     PhotoRemarkCode.ALL_BELOW_SEA: (
-        "EXIF says of {count} that they were taken below the sea, at {detail}: some cameras write so by mistake. If the place is "
+        "EXIF says of {count} that they were taken below the sea, at {words}: some cameras write so by mistake. If the place is "
         "not below the sea, give the positions in a file."
     ),
     PhotoRemarkCode.HEIGHT_ABOVE_START: (
@@ -66,9 +68,10 @@ _SENTENCES = {
     PhotoRemarkCode.FACTORY_CAMERA: (
         "The tags of {count} hold the factory's calibration of the camera: the adjustment starts from it, and may move it."
     ),
+    PhotoRemarkCode.MASKED: "What the alpha channel or mask of {count} ({names}) marks as transparent is not used.",
     PhotoRemarkCode.DEWARPED: "The lens distortion of {count} was removed in the camera.",
     PhotoRemarkCode.DIGITAL_ZOOM: (
-        "{count} ({names}) were enlarged in the camera by digital zoom ({detail} times) and have a camera of their own."
+        "{count} ({names}) were enlarged in the camera by digital zoom ({words} times) and have a camera of their own."
     ),
     PhotoRemarkCode.SEVERAL_SERIALS: (
         "Cameras of one model have different serial numbers, and each has its own interior orientation: {names}."
@@ -129,7 +132,9 @@ def remark_sentence(remark: PhotoRemark) -> str:
             "positions in a file if the block depends on them."
         )
     if remark.code in _SENTENCES:
-        return _SENTENCES[remark.code].format(names=some_of(remark.photos), count=_count(remark.photos), detail=remark.detail)
+        return _SENTENCES[remark.code].format(
+            names=some_of(remark.photos), count=_count(remark.photos), words=", ".join(remark.words)
+        )
     if remark.code in SET_ASIDE:
         return set_aside_sentence(remark)
     return (
@@ -333,7 +338,13 @@ def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> I
 def _exposure_warnings(exposures: tuple[Exposure, ...]) -> Iterator[str]:
     white = [exposure.photo for exposure in exposures if exposure.white > _MOST_CLIPPED]
     black = [exposure.photo for exposure in exposures if exposure.black > _MOST_CLIPPED]
-    flat = [exposure.photo for exposure in exposures if exposure.contrast < _LEAST_CONTRAST]
+    flat = [exposure.photo for exposure in exposures if exposure.contrast < _LEAST_CONTRAST and exposure.masked <= _MOST_MASKED]
+    empty = [exposure.photo for exposure in exposures if exposure.masked > _MOST_MASKED]
+    if empty:
+        yield (
+            f"{_named(empty)} with hardly anything that is not transparent: save the photographs without alpha if their pixels are "
+            "good."
+        )
     if white:
         yield f"{_named(white)} with more than 10 % of the pixels fully white: nothing can be matched there."
     if black:

@@ -212,12 +212,12 @@ def scan_window(photo: Photo, window: Window) -> Window:
 
 def scan_tile(photo: Photo, window: Window, source: Window, pixels: np.ndarray | None = None) -> np.ndarray:
     """A window of the frame from `source` of the scan: (rows, cols, bands); 0 where the scan does not reach."""
-    shape = (window.height, window.width, photo.bands)
+    shape = (window.height, window.width, photo.stored_bands)
     if pixels is None:
         return np.zeros(shape, photo.dtype)
     row, col = np.mgrid[window.row : window.row + window.height, window.col : window.col + window.width]
     places = to_file(photo, np.column_stack([col.ravel(), row.ravel()]).astype(float)) - [source.col, source.row]
     # float64, so that the sum over the kernel does not depend on where the tile begins.
-    values = sample_cubic(pixels[:, :, : photo.bands].astype(np.float64), places)
+    values = sample_cubic(pixels[:, :, : photo.stored_bands].astype(np.float64), places)
     full = np.iinfo(photo.dtype).max
     return np.nan_to_num(np.clip(np.rint(values), 0, full)).reshape(shape).astype(photo.dtype)

@@ -8,8 +8,8 @@ row on, whichever row is wanted: its strips are as high as memory allows, most o
 from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
-from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table, TextFile
-from orthomill.schemas.photo import PHOTOS, Photo, photo_raster
+from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPicture, PhotoPixels, Raster, Region, Table, TextFile
+from orthomill.schemas.photo import PHOTOS, Photo, Soundness, photo_raster
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -19,7 +19,7 @@ from orthomill.tasks.imagery.pyramid import level_shape, source_window
 from orthomill.tasks.imagery.upright import file_window, turned, upright_shape
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 from orthomill.tasks.photos.index import Limits, index_photos
-from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, upright_strip
+from orthomill.tasks.photos.pixels import Exposure, exposure, level_tile, picture_soundness, upright_strip
 from orthomill.tasks.photos.position_sentences import what_was_read
 from orthomill.tasks.photos.report import header_warnings, photos_report
 from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
@@ -55,7 +55,11 @@ class PhotosStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The table of photographs first, then their strips, levels and exposure."""
         ground_crs(view.project.crs)
-        yield self._index_job(view)
+        paths = view.image_files(view.project.photographs)
+        for number, path in enumerate(paths):
+            picture, soundness = {"picture": PhotoPicture(path)}, {"soundness": _soundness(number)}
+            yield Job(self.kind, "pictures", picture_soundness, picture, soundness, row=number)
+        yield self._index_job(view, paths)
         # Sizes and numbers of levels are known when the headers have been read: planning continues from here when they are.
         photos = view.table(PHOTOS)
         for photo in photos.photos:
@@ -69,10 +73,11 @@ class PhotosStage(Stage):
             params={"positions_kind": view.project.positions.kind, "cameras_kind": view.project.cameras.kind},
         )
 
-    def _index_job(self, view: ProjectView) -> Job:
-        headers = tuple(PhotoHeader(path) for path in view.image_files(view.project.photographs))
+    def _index_job(self, view: ProjectView, paths: tuple[str, ...]) -> Job:
+        headers, pictures = tuple(PhotoHeader(path) for path in paths), tuple(map(_soundness, range(len(paths))))
         texts = tuple(TextFile(path) for path in self.coordinates.files)
-        reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, "scan_texts": texts, **_positions_file(view)}
+        reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, "pictures": pictures, "scan_texts": texts}
+        reads |= _positions_file(view)
         params: dict[str, Any] = {
             "crs": view.project.crs,
             "positions": view.project.positions,
@@ -111,10 +116,10 @@ class PhotosStage(Stage):
                 function=upright_strip,
                 reads={"pixels": source},
                 writes={"strip": Raster(name, window)},
-                params={"orientation": photo.exif_orientation, "bands": photo.bands},
+                params={"orientation": photo.exif_orientation},
                 # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
                 # progressive JPEG have 16 bits.
-                scratch=2 * window.height * window.width * photo.bands,
+                scratch=2 * window.height * window.width * photo.stored_bands,
                 way_out=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
             )
 
@@ -133,7 +138,7 @@ class PhotosStage(Stage):
                 reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source)},
                 writes={"tile": Raster(spec.name, cell.window)},
                 params={"photo": photo, "window": cell.window, "source": source},
-                scratch=(16 * source.height * source.width + 48 * tile * tile) * photo.bands,
+                scratch=(16 * source.height * source.width + 48 * tile * tile) * photo.stored_bands,
             )
 
     def _level_jobs(self, photo: Photo, level: int, tile: int) -> Iterator[Job]:
@@ -148,8 +153,13 @@ class PhotosStage(Stage):
                 reads={"pixels": Raster(below.name, source_window(cell.window, below.shape))},
                 writes={"tile": Raster(spec.name, cell.window)},
                 params={"window": cell.window},
-                scratch=64 * tile * tile * photo.bands,
+                scratch=64 * tile * tile * photo.stored_bands,
             )
+
+
+def _soundness(number: int) -> Table[Soundness]:
+    """Whether the picture of a file is whole, by its number among the files: their paths may lead out of the folder of tables."""
+    return Table(f"photos/whole/{number}.json", Soundness)
 
 
 def _positions_file(view: ProjectView) -> dict[str, Region]:
@@ -162,7 +172,7 @@ def _positions_file(view: ProjectView) -> dict[str, Region]:
 
 
 def _level_spec(photo: Photo, level: int, tile: int) -> RasterSpec:
-    shape = level_shape((photo.height, photo.width, photo.bands), level)
+    shape = level_shape((photo.height, photo.width, photo.stored_bands), level)
     return RasterSpec(name=photo_raster(photo.name, level), shape=shape, dtype=photo.dtype, chunk=tile)
 
 
@@ -185,5 +195,5 @@ def _strip_side(photo: Photo, length: int, tile: int) -> int:
         return tile
     if photo.decoding == "at_once":
         return max(photo.height, photo.width)
-    row = length * photo.bands * (2 if photo.dtype == "uint16" else 1)
+    row = length * photo.stored_bands * (2 if photo.dtype == "uint16" else 1)
     return max(1, AT_ONCE // (row * tile)) * tile

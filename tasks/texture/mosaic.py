@@ -246,7 +246,7 @@ def texture_tile(
     """
     painted = painted_heights(heights, extent, rules, ground)
     around = [
-        BalancedPhotograph(view, PhotoPixelsAt(np.ascontiguousarray(pixels), part.window, part.level), radiometry)
+        BalancedPhotograph(view, PhotoPixelsAt.of(pixels, part.window, part.level), radiometry)
         for view, pixels, part in zip(_views(block, extent), photos, extent.photos, strict=True)
     ]
     numbers = _showing(painted, extent, around)
@@ -306,6 +306,6 @@ def sample_tile(
     for pixels, part, view in zip(photos, extent.photos, views, strict=True):
         seen = visible_targets(model, view, targets, rules.tolerance)
         # No feather: a sample at the border is as good as any, and vignetting is seen best there.
-        sampled = sample_photo(view, PhotoPixelsAt(pixels, part.window, part.level), ground, seen, 0.0)
+        sampled = sample_photo(view, PhotoPixelsAt.of(pixels, part.window, part.level), ground, seen, 0.0)
         rows.append(sample_rows(number, block.names.index(view.name), sampled.colour, sampled.worth, sampled.r2))
     return seen_twice(rows)

@@ -18,8 +18,9 @@ from scipy.spatial import cKDTree
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.imagery.masked_pixels import picture_of
 from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
-from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range, real_grey
 from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate, correlation_surface
 from orthomill.tasks.matching.points.interest_points import HarrisPoints, interest_points
 from orthomill.tasks.tie_points.features import Detection, strongest_in_cells
@@ -57,7 +58,7 @@ def tile_interest_points(
     grey = grey_bytes(pixels, grey_range(overview))
     window, core = detection.window, detection.core
     inner = core.clipped(detection.shape)
-    found = interest_points(grey, search.points, core=inner.within(window))
+    found = interest_points(grey, search.points, picture_of(pixels), inner.within(window))
     col, row = found.col + window.col, found.row + window.row
     chosen = strongest_in_cells(col, row, found.strength, detection.per_cell)
     count = len(chosen)
@@ -82,8 +83,8 @@ def correlate_pair(
     search: CorrelationSearch,
 ) -> MatchedPair:
     """Matches of two photographs and their summary, as from descriptors. pixels: the complete searched levels of both."""
-    # 0 means "no data" to the correlation, so the darkest real pixels become 1.
-    images = [np.maximum(grey_bytes(one, grey_range(one)), 1) for one in pixels]
+    # 0 means "no data" to the correlation.
+    images = [real_grey(one, grey_range(one)) for one in pixels]
     places = [full_to_level(np.column_stack([one.col, one.row]), level) for one, level in zip(features, levels, strict=True)]
     pairs = np.zeros((0, 2), dtype=np.int64)
     parallax = mean_parallax(images[0], images[1])

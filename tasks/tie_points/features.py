@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.raster import Tile, Window, tiles_of
+from orthomill.tasks.imagery.masked_pixels import is_masked, picture_of
 from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, FeatureTables, Values
@@ -27,10 +28,11 @@ HALO = 96
 SEARCHED = 800
 """approximate side of the parts that are searched, px of the level; SIFT then needs a few hundred MB"""
 SMALLEST, LARGEST = 2.5, 18.0
-"""Diameters of points, px of the level. A descriptor reaches about 5.3 diameters from its centre; the many points below 2.5 px
-are rarely found again in another photograph."""
+"""Diameters of points, px of the level. The many points below 2.5 px are rarely found again in another photograph."""
 CELL = 64
 """px of the level: side of the cells over which points are distributed evenly"""
+_DESCRIPTOR_REACH = 5.3
+"""diameters of a point from its centre"""
 _OCTAVE_STEP = 16  # px: 2^4, so that four octaves are sampled at the same pixels in every part
 _SPARE = 2  # a cell offers this many times its fair share
 _LEAST_PER_CELL = 8
@@ -82,10 +84,22 @@ def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection
     sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=detection.contrast)
     points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
     numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
+    if is_masked(pixels):
+        whole = _whole_descriptors(numbers, picture_of(pixels))
+        numbers, points = numbers[whole], [points[number] for number in whole]
     # Descriptors are most of the work: they are computed for points that the photograph may keep only.
     chosen = _strongest_in_core(numbers, detection)
     descriptors = _descriptors(sift, grey, [points[number] for number in chosen])
     return FeatureTables(_features(numbers[chosen], detection), Values(descriptors.ravel()))
+
+
+def _whole_descriptors(numbers: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """Numbers of the points whose descriptors reach no pixel outside of the picture: the edge of a mask stays where it is in the
+    frame, or moves with a person, and would be matched with itself."""
+    away = cv2.distanceTransform(picture.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    col, row = (np.rint(numbers[:, axis]).astype(int) for axis in (0, 1))
+    inside = away[np.clip(row, 0, picture.shape[0] - 1), np.clip(col, 0, picture.shape[1] - 1)]
+    return np.flatnonzero(inside > _DESCRIPTOR_REACH * numbers[:, 2])
 
 
 def _strongest_in_core(numbers: np.ndarray, detection: Detection) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Patches: the neighbourhood of every observation, extracted once, so that refinement does not read photographs again.
 
 A strip of a photograph (a tile high, with a halo) gives the patches of the observations whose pixel lies in it. Patches are square,
-8 bits, centred on the pixel nearest to the observation; 0 is outside the photograph, real grey values are 1 or more.
+8 bits, centred on the pixel nearest to the observation; 0 is outside the photograph or masked, real grey values are 1 or more.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.pyramid import full_to_level
-from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
+from orthomill.tasks.imagery.radiometry import grey_range, real_grey
 from orthomill.tasks.tie_points.match_records import Observations, Values
 
 _ROWS = 64  # rows whose grey values are computed at a time: as floating-point numbers they take twelve times the memory
@@ -56,7 +56,7 @@ def _bordered(pixels: np.ndarray, border: int, limits: tuple[float, float]) -> n
     grey = np.zeros((rows + 2 * border, cols + 2 * border), np.uint8)
     for row in range(0, rows, _ROWS):
         part = pixels[row : row + _ROWS]
-        grey[border + row : border + row + len(part), border:-border] = np.maximum(grey_bytes(part, limits), 1)
+        grey[border + row : border + row + len(part), border:-border] = real_grey(part, limits)
     return grey
 
 

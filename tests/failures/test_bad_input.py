@@ -1,8 +1,10 @@
 """Mistakes in real input: one clear sentence, a non-zero exit code, and nothing lost."""
 
+import re
+
 import pytest
 from PIL import Image
-from small_site import command, copy_of_finished_site, counts, make_site, photographs, write_workflow
+from small_site import command, copy_of_finished_site, counts, cut, make_site, photographs, write_workflow
 
 from orthomill.pipeline.records.lock import only_run
 
@@ -164,7 +166,23 @@ def test_from_behind_until_is_refused(site):
 def test_a_lost_table_is_restored_by_running_again(site):
     command("run", "site", "--sequential", "--until", "photos")
     (site / "runs" / "site" / "tables" / "photos" / "photos.json").unlink()
-    assert "1 jobs run, 13 unchanged, 0 failed" in command("run", "site", "--sequential", "--until", "photos")
+    assert "1 jobs run, 16 unchanged, 0 failed" in command("run", "site", "--sequential", "--until", "photos")
+
+
+def test_a_damaged_photograph_is_set_aside_before_any_pixel_is_stored_and_the_others_go_on(site):
+    broken, *sound = photographs(site)
+    cut(broken)
+    assert "0 failed" in (said := command("run", "site", "--sequential", "--until", "photos"))
+    assert re.search(rf"1 file set aside: photos/{broken.name} is damaged at \d+ % of its height or before: it holds", said)
+    stored = {path.name for path in (site / "runs" / "site" / "rasters.zarr" / "photos").iterdir() if path.is_dir()}
+    assert stored == {path.stem for path in sound}
+
+
+def test_where_all_photographs_are_damaged_each_is_named(site):
+    for photo in photographs(site):
+        cut(photo)
+    said = command("run", "site", "--sequential", "--until", "photos", code=1)
+    assert all(f"photos/{photo.name} is damaged at" in said for photo in photographs(site))
 
 
 def test_nothing_is_written_outside_of_the_run(site):

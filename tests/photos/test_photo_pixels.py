@@ -63,7 +63,7 @@ def test_a_window_of_the_file_gives_the_window_of_the_upright_photograph(orienta
     pixels = _picture(13, 17)
     window = Window(row, col, height, width).clipped(upright_shape(orientation, 13, 17))
     part = pixels[file_window(window, orientation, 13, 17).slices]
-    assert np.array_equal(upright_strip(part, orientation, 3), upright(pixels, orientation)[window.slices])
+    assert np.array_equal(upright_strip(part, orientation), upright(pixels, orientation)[window.slices])
 
 
 @pytest.mark.parametrize("orientation", [1, 6, 8])

@@ -79,7 +79,7 @@ def tile_colours(surface: TilePoints, sight: np.ndarray, shown: ShownPhotographs
         chosen = of_tile(surface, code) >= PlaceSight.AT_BREAK
         if not chosen.any():
             continue
-        at_hand, border = PhotoPixelsAt(pixels, part.window, part.level), rules.border(view.camera)
+        at_hand, border = PhotoPixelsAt.of(pixels, part.window, part.level), rules.border(view.camera)
         sampled = sample_points(view, at_hand, surface, chosen, shown.facing, border)
         if part.name in windows:
             near[k, sampled.at] = _zone_at(sampled.pixels, *windows[part.name])

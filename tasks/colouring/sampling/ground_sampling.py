@@ -20,6 +20,7 @@ from orthomill.tasks.colouring.sampling.photograph_colours import (
     LEAST_WORTH,
     PhotoPixelsAt,
     border_colours,
+    drop_gaps,
     inner_colours,
     part_pixels,
 )
@@ -177,6 +178,8 @@ def sample_into(
         limits = _Limits(FIELD_MARGIN * view.field, float(feather))
         out = _Samples(found.colour, found.worth, found.r2)
         _sample(part, view.numbers, _cells(ground, factor), limits, correction, out)
+        if part.pixels.dtype == np.float32:
+            drop_gaps(found.colour, found.worth)
 
 
 @njit(inline="always")

@@ -12,6 +12,7 @@ import numpy as np
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.cubic_vectors import three_bands
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_or_nan
 from orthomill.tasks.imagery.pyramid import level_shape
 
 LEAST_WORTH = 1e-12
@@ -20,11 +21,16 @@ LEAST_WORTH = 1e-12
 
 @dataclass(frozen=True)
 class PhotoPixelsAt:
-    """Pixels of a photograph, (rows, cols, bands), at `window` of its pyramid level `level`."""
+    """Pixels of a photograph, (rows, cols, bands), at `window` of its pyramid level `level`; NaN where there is no picture."""
 
     pixels: np.ndarray
     window: Window
     level: int
+
+    @classmethod
+    def of(cls, pixels: np.ndarray, window: Window, level: int) -> "PhotoPixelsAt":
+        """From pixels as they are stored, with the band of a mask or without."""
+        return cls(np.ascontiguousarray(picture_or_nan(pixels)), window, level)
 
 
 class PlaceLine(NamedTuple):
@@ -151,10 +157,19 @@ def colours_at(photo: PhotoPixelsAt, size: tuple[int, int], places: np.ndarray) 
         part, line = part_pixels(photo, size), PlaceLine(*np.ascontiguousarray(np.asarray(places, np.float64).T))
         if inner_colours(part.pixels.reshape(-1), part.pixels.shape, part.origin, line, worth, colour):
             border_colours(part.pixels, part.last, part.origin, line, worth, colour)
+        if photo.pixels.dtype == np.float32:
+            drop_gaps(colour, worth)
     return colour, (worth > 0) & bool(photo.pixels.size)
 
 
 def most_bands(photos: Iterable[np.ndarray]) -> int:
     """Channels of colours that the pixels (rows, cols, bands) of all photographs fit in: 1 or 3; a grey photograph has three equal
     ones among coloured ones."""
-    return max((int(pixels.shape[2]) for pixels in photos), default=1)
+    return max((int(colours_of(pixels).shape[2]) for pixels in photos), default=1)
+
+
+def drop_gaps(colour: np.ndarray, worth: np.ndarray) -> None:
+    """Takes colour and worth from the places (...,) that are not all picture, whose colours (..., bands) are NaN."""
+    gap = np.isnan(colour).any(axis=-1)
+    if gap.any():
+        colour[gap], worth[gap] = 0.0, 0.0

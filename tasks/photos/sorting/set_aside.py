@@ -1,12 +1,13 @@
-"""Photographs that do not belong to a block, whatever they show: panoramas, and the other bands of a multispectral camera."""
+"""Photographs that do not belong to a block, whatever they show: damaged ones, panoramas, and the other bands of a multispectral
+camera."""
 
 from pathlib import PurePath
 
 from orthomill.schemas.errors import PhotoError, some_of
-from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
+from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode, Soundness
 from orthomill.tasks.photos.sorting.bands import COLOUR, OneBlock, one_block
 
-SET_ASIDE = (PhotoRemarkCode.OTHER_BANDS, PhotoRemarkCode.THERMAL, PhotoRemarkCode.PANORAMA)
+SET_ASIDE = (PhotoRemarkCode.OTHER_BANDS, PhotoRemarkCode.THERMAL, PhotoRemarkCode.PANORAMA, PhotoRemarkCode.DAMAGED_PICTURE)
 """the remarks that are made here"""
 
 
@@ -18,6 +19,9 @@ def set_aside_sentence(remark: PhotoRemark) -> str:
             f"{number} set aside: {some_of(remark.photos, 3)}, {'panoramas' if len(remark.photos) > 1 else 'a panorama'} "
             f"({', '.join(remark.words)}), which no frame camera took in one exposure."
         )
+    if remark.code is PhotoRemarkCode.DAMAGED_PICTURE:
+        faults = [f"{path} is {fault}" for path, fault in zip(remark.photos, remark.words, strict=True)]
+        return f"{number} set aside: {some_of(faults, 3)}. Copy {'them' if len(faults) > 1 else 'it'} again from the camera."
     if remark.code is PhotoRemarkCode.THERMAL:
         return "The photographs are thermal: the colours of their pictures are used, not the temperatures."
     *others, best = remark.words
@@ -42,6 +46,18 @@ def without_others(headers: tuple[Header, ...]) -> OneBlock:
     return OneBlock(
         block.headers, (PhotoRemark(code=PhotoRemarkCode.PANORAMA, photos=tuple(panoramas), words=words), *block.remarks)
     )
+
+
+def without_damaged(headers: tuple[Header, ...], pictures: tuple[Soundness, ...]) -> OneBlock:
+    """The photographs whose pictures are not damaged. Raises PhotoError where all are."""
+    faults = {picture.path: picture.fault for picture in pictures if picture.fault}
+    if not faults:
+        return OneBlock(headers, ())
+    aside = PhotoRemark(code=PhotoRemarkCode.DAMAGED_PICTURE, photos=tuple(faults), words=tuple(faults.values()))
+    sound = tuple(header for header in headers if header.path not in faults)
+    if not sound:
+        raise PhotoError(set_aside_sentence(aside))
+    return OneBlock(sound, (aside,))
 
 
 def _projection(header: Header) -> str | None:

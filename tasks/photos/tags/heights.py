@@ -82,7 +82,7 @@ def with_one_sign(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:
     above, below = known[known > 0], known[known < 0]
     if len(below) and not len(above) and below.max() < -_DEEP:
         names = tuple(photo.name for photo in photos if photo.altitude is not None)
-        return photos, [PhotoRemark(code=PhotoRemarkCode.ALL_BELOW_SEA, photos=names, detail=f"{np.median(below):.0f} m")]
+        return photos, [PhotoRemark(code=PhotoRemarkCode.ALL_BELOW_SEA, photos=names, words=(f"{np.median(below):.0f} m",))]
     if not len(below) or not len(above):
         return photos, []
     # A flight over the shore has heights of both signs as well, but none far from zero.

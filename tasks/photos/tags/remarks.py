@@ -1,7 +1,7 @@
 """What is said of the tags of a block: one remark of a kind, whatever the number of photographs."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode
 from orthomill.schemas.project import Positions
@@ -21,10 +21,11 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
         yield from _heights([photo for photo in photos if photo.altitude is not None], tags)
     calibrated = [photo for photo in photos if photo.factory and photo.factory.kind == "calibrated"]
     yield from _of(PhotoRemarkCode.FACTORY_CAMERA, calibrated)
+    yield from _of(PhotoRemarkCode.MASKED, [photo for photo in photos if photo.masked])
     yield from _of(PhotoRemarkCode.DEWARPED, [photo for photo in photos if photo.dewarped])
     zoomed = [photo for photo in photos if photo.zoom != 1.0]
     zooms = sorted({photo.zoom for photo in zoomed})
-    yield from _of(PhotoRemarkCode.DIGITAL_ZOOM, zoomed, ", ".join(f"{zoom:g}" for zoom in zooms[:4]))
+    yield from _of(PhotoRemarkCode.DIGITAL_ZOOM, zoomed, (f"{zoom:g}" for zoom in zooms[:4]))
     if serials := several_serials(photos):
         yield PhotoRemark(code=PhotoRemarkCode.SEVERAL_SERIALS, photos=serials)
 
@@ -34,7 +35,7 @@ def _precision(photos: list[Photo], tags: dict[str, dict[str, str]], own: bool) 
     words = [_found(photo, tags[photo.path]) for photo in photos]
     if own and set(words) - {_FOUND["none"], _FOUND[None]}:
         count = Counter(words)
-        yield from _of(PhotoRemarkCode.OWN_PRECISION, photos, ", ".join(f"{count[word]} {word}" for word in dict.fromkeys(words)))
+        yield from _of(PhotoRemarkCode.OWN_PRECISION, photos, (f"{count[word]} {word}" for word in dict.fromkeys(words)))
 
 
 def _found(photo: Photo, tags: dict[str, str]) -> str:
@@ -51,6 +52,6 @@ def _heights(photos: list[Photo], tags: dict[str, dict[str, str]]) -> Iterator[P
     yield from _of(PhotoRemarkCode.RELATIVE_HEIGHTS, [photo for photo in photos if photo.height_kind == "relative"])
 
 
-def _of(code: PhotoRemarkCode, photos: list[Photo], detail: str = "") -> Iterator[PhotoRemark]:
+def _of(code: PhotoRemarkCode, photos: list[Photo], words: Iterable[str] = ()) -> Iterator[PhotoRemark]:
     if photos:
-        yield PhotoRemark(code=code, photos=tuple(photo.name for photo in photos), detail=detail)
+        yield PhotoRemark(code=code, photos=tuple(photo.name for photo in photos), words=tuple(words))

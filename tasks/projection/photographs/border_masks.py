@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
+
 BLACK, RIPPLE = 0.004, 0.04
 """shares of the range up to which a grey value is black, and up to which it is a ripple of JPEG"""
 REACH = 8
@@ -37,8 +39,8 @@ class BorderMask(NamedTuple):
 
 
 def border_mask(pixels: np.ndarray) -> BorderMask:
-    """The mask of a photograph (rows, cols, bands)."""
-    lightest, full = pixels.max(axis=2), float(np.iinfo(pixels.dtype).max)
+    """The mask of a photograph (rows, cols, bands); what its file masks belongs to the border wherever it lies."""
+    lightest, full = colours_of(pixels).max(axis=2), float(np.iinfo(pixels.dtype).max)
     black = (lightest <= BLACK * full).astype(np.uint8)
     # One component with all that lies outside of the photograph.
     framed = cv2.copyMakeBorder(black, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
@@ -49,6 +51,7 @@ def border_mask(pixels: np.ndarray) -> BorderMask:
     large = stats[:, cv2.CC_STAT_AREA] >= LEAST * border.size
     large[0] = False
     border = large[pieces] if count > 1 else np.zeros_like(border)
+    border |= ~picture_of(pixels)
     rippled = border | ((_grown(border, REACH) > 0) & (lightest <= RIPPLE * full))
     grown = _grown(rippled, MARGIN) if border.any() else rippled
     return BorderMask(np.where(grown > 0, 0, 255).astype(np.uint8)[..., None], BorderFacts(share=float(border.mean())))

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry, in_block
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
 
 RIM = 3
 """px next to what is not covered that take no part: their neighbours are not known"""
@@ -62,9 +63,9 @@ def compare_left_out(
     half = 0.5 * np.array([rows - 1.0, cols - 1.0])
     row, col = np.indices((rows, cols))
     r2 = ((row - half[0]) ** 2 + (col - half[1]) ** 2) / (half**2).sum()
-    own = in_block(pixels, r2.astype(np.float32), name, radiometry)
+    own = in_block(colours_of(pixels), r2.astype(np.float32), name, radiometry)
     own = np.clip(np.broadcast_to(own, (rows, cols, 3)), 0, 255).astype(np.float32)
-    known = (blended[..., 3] > 0) & (nearest[..., 3] > 0)
+    known = (blended[..., 3] > 0) & (nearest[..., 3] > 0) & picture_of(pixels)
     core = cv2.erode(known.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)) > 0
     apart = np.abs(blended[..., :3] - own).mean(axis=2)
     difference = np.where(known, np.clip(np.round(apart), 0, 255), 0).astype(np.uint8)

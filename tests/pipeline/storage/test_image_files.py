@@ -63,22 +63,50 @@ def test_pixels_come_as_stored(tmp_path, suffix, shape, dtype, bands):
     assert np.array_equal(part, pixels.reshape(48, 64, bands)[5:16, 7:20])
 
 
-def test_an_opaque_alpha_band_is_left_out(tmp_path):
-    pixels = noise(48, 64, 4)
-    pixels[..., 3] = 255
-    path = saved(tmp_path / "a.png", pixels)
-    assert read_header(path).bands == 3
-    assert np.array_equal(read_pixels(path, WHOLE), pixels[..., :3])
-
-
 @pytest.mark.parametrize("suffix", ["png", "tif"])
-def test_pixels_that_an_alpha_band_masks_are_refused(tmp_path, suffix):
-    pixels = noise(48, 64, 4)
-    pixels[..., 3] = 255
-    pixels[:12, :16, 3] = 0
+@pytest.mark.parametrize("bands", [2, 4])
+def test_an_alpha_band_is_a_mask_behind_the_colours(tmp_path, suffix, bands):
+    pixels = noise(48, 64, bands)
+    pixels[..., -1] = 255
+    # Transparent, nearly so, and the soft rim of a mask.
+    pixels[:12, :16, -1], pixels[12, :16, -1], pixels[13, :16, -1] = 0, 1, 200
     path = saved(tmp_path / f"a.{suffix}", pixels)
-    assert "masks 6.2 % of its pixels in the rows 0 to 47 by its alpha channel" in refusal(path, WHOLE)
-    assert read_pixels(path, Window(12, 0, 36, 64)).shape == (36, 64, 3)
+    header, found = read_header(path), read_pixels(path, WHOLE)
+    assert (header.bands, header.masked) == (bands - 1, True)
+    assert np.array_equal(found[..., :-1], pixels[..., :-1])
+    assert np.array_equal(found[..., -1], np.where(pixels[..., -1] == 255, 255, 0))
+    assert np.array_equal(read_pixels(path, Window(10, 5, 7, 30)), found[10:17, 5:35])
+
+
+def test_a_mask_of_sixteen_bits_is_full_at_their_greatest_value(tmp_path):
+    pixels = noise(48, 64, 4, dtype="uint16")
+    pixels[..., 3] = 65535
+    pixels[:12, :16, 3] = 0
+    path = tmp_path / "a.tif"
+    profile = {"driver": "GTiff", "width": 64, "height": 48, "count": 4, "dtype": "uint16", "photometric": "rgb", "alpha": "yes"}
+    with rasterio.open(path, "w", **profile) as file:
+        file.write(np.moveaxis(pixels, 2, 0))
+    assert np.array_equal(read_pixels(path, WHOLE), pixels)
+
+
+def test_an_inner_mask_and_a_value_for_no_data_are_masks_too(tmp_path):
+    pixels = np.maximum(noise(48, 64, 3), 1)
+    pixels[:12, :16] = 0
+    profile = {"driver": "GTiff", "width": 64, "height": 48, "count": 3, "dtype": "uint8", "photometric": "rgb"}
+    with rasterio.open(tmp_path / "nodata.tif", "w", **profile, nodata=0) as file:
+        file.write(np.moveaxis(pixels, 2, 0))
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(tmp_path / "inner.tif", "w", **profile) as file:
+        file.write(np.moveaxis(pixels, 2, 0))
+        file.write_mask(pixels.any(axis=2))
+    for name in ("nodata.tif", "inner.tif"):
+        found = read_pixels(tmp_path / name, WHOLE)
+        assert np.array_equal(found[..., 3], np.where(pixels.any(axis=2), 255, 0)), name
+
+
+def test_a_photograph_without_alpha_has_no_mask(tmp_path):
+    path = saved(tmp_path / "a.jpg", noise(48, 64, 3))
+    assert not read_header(path).masked
+    assert read_pixels(path, WHOLE).shape == (48, 64, 3)
 
 
 def test_the_largest_page_of_a_tiff_is_the_photograph(tmp_path):

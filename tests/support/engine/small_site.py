@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 
 import yaml
@@ -52,8 +53,16 @@ def photographs(root: Path) -> list[Path]:
 
 
 def damage(photo: Path) -> None:
-    """Cut a JPEG so that its header and its end are whole: only a job that decodes the pixels finds out."""
-    photo.write_bytes(photo.read_bytes()[:20000] + b"\xff\xd9")
+    """Make a progressive JPEG of a photograph and cut it so that its header and its end are whole: only decoding it finds out."""
+    whole = BytesIO()
+    with Image.open(photo) as image:
+        image.save(whole, "JPEG", quality=90, progressive=True, exif=image.getexif())
+    cut(photo, whole.getvalue())
+
+
+def cut(photo: Path, content: bytes | None = None) -> None:
+    """Cut a JPEG (of `content`) so that its header and its end are whole."""
+    photo.write_bytes((content or photo.read_bytes())[:20000] + b"\xff\xd9")
 
 
 def command(*words: str, code: int = 0) -> str:
