@@ -103,6 +103,8 @@ class Photo(BaseModel):
     # Metres above whatever surface the receiver refers to: EXIF does not say reliably whether that is the ellipsoid or the geoid.
     altitude: float | None = None
     time: str | None = None
+    """When it was taken, ISO 8601, to the fraction of a second that the tags give: in UTC where those of all photographs of the
+    receiver tell it, otherwise by the camera's clock."""
     position: tuple[float, float, float] | None = None
     """Projection centre X, Y, Z in the project's CRS from GNSS or EXIF, m."""
     position_sigma: tuple[float, float, float] | None = None

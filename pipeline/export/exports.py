@@ -27,6 +27,7 @@ from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from orthomill.pipeline.export.point_cloud import write_points
+from orthomill.pipeline.export.reference_systems import geotiff_wkt, plan_in_file, with_system
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -191,13 +192,14 @@ def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
     with _gdal(), _renamed_when_whole(path) as temporary:
         plain = temporary.with_suffix(".plain.tif")
-        profile = {"crs": stack.first.crs, "nodata": stack.nodata}
+        profile = {"crs": plan_in_file(stack.first.crs), "nodata": stack.nodata}
         if stack.first.transform is not None:
             profile["transform"] = rasterio.Affine(*stack.first.transform)
         _write_tiled(stack, store, plain, profile | _PASSING)
+        heights = geotiff_wkt(stack.first.crs)
         # The predictor halves the size of heights; nearest overviews for codes, since the mean of two codes is a third one.
         rasterio.shutil.copy(
-            plain,
+            with_system(plain, heights) if heights else plain,
             temporary,
             driver="COG",
             compress="deflate",

@@ -20,9 +20,9 @@ from pathlib import Path
 import laspy
 import numpy as np
 from laspy.vlrs.known import WktCoordinateSystemVlr
-from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from orthomill.pipeline.export.reference_systems import las_wkt
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Export
@@ -235,12 +235,10 @@ def _paint(points: laspy.ScaleAwarePointRecord, colours: np.ndarray) -> None:
 
 
 def _wkt(z: RasterSpec) -> str:
-    """WKT 1, which LAS 1.4 requires, where the system can be expressed in it; otherwise WKT 2."""
     try:
-        crs = CRS.from_user_input(z.crs)
+        return las_wkt(str(z.crs))
     except CRSError as error:
         raise StoreError(f"{z.name} has the unknown coordinate system '{z.crs}'; use a known one, such as EPSG:2100.") from error
-    return crs.to_wkt("WKT1_GDAL") or crs.to_wkt()
 
 
 def _write_tile(target: laspy.LasWriter, store: ReadableStore, cloud: Cloud, window: Window) -> None:

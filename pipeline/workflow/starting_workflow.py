@@ -31,6 +31,8 @@ _NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
 """Stages that need known truth or a reference."""
 _WIDTH = 120
 """characters of a line of comments"""
+_ELLIPSOIDAL = "+4979"
+"""what makes heights above the ellipsoid part of a system on WGS 84, as PROJ reads it"""
 
 Look = Callable[[tuple[Header, ...], str | None], FirstLook]
 """From the headers of all photographs and the CRS, if any, to what is found in them."""
@@ -116,7 +118,7 @@ def starting_text(
     stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST and not _asks(stage)]
     lines = [
         *_head(name, survey, look.lines if look else ()),
-        *_crs(survey, crs),
+        *_crs(survey, crs, look is not None and look.ellipsoidal),
         "",
         "photographs:",
         "  kind: folder",
@@ -159,13 +161,15 @@ def _head(name: str, survey: Survey, found: tuple[str, ...]) -> Iterator[str]:
     yield f"project: {flow(name)}  # results go to runs/{name}"
 
 
-def _crs(survey: Survey, crs: str | None) -> Iterator[str]:
+def _crs(survey: Survey, crs: str | None, ellipsoidal: bool) -> Iterator[str]:
     yield ""
     yield "# A projected coordinate reference system in metres. Heights may have their own after a '+', e.g. EPSG:2100+5773."
     if crs:
         yield f"crs: {flow(crs)}"
     elif survey.beside.projected:
         yield f"crs: {flow(survey.beside.projected)}  # that of {survey.beside.control or survey.beside.positions}"
+    elif survey.utm and ellipsoidal and not (survey.beside.control or survey.beside.positions):
+        yield f"crs: {flow(survey.utm + _ELLIPSOIDAL)}  # the UTM zone of the positions, and their heights above the ellipsoid"
     elif survey.utm:
         yield f"crs: {flow(survey.utm)}  # the UTM zone of the positions; a national grid is possible as well"
     elif survey.placeless:

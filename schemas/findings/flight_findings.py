@@ -29,6 +29,8 @@ class FirstLook(BaseModel):
 
     findings: tuple[str, ...]
     used: tuple[str, ...]
+    ellipsoidal: bool = False
+    """All positions have heights above the ellipsoid."""
     expected: ExpectedFlight = ExpectedFlight()
 
     @property

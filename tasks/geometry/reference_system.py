@@ -19,7 +19,7 @@ AREA_MARGIN = 5.0
 
 @lru_cache(maxsize=16)
 def ground_crs(text: str) -> CRS:
-    """The horizontal part of the project's reference system, e.g. of "EPSG:2100" or "EPSG:32634+5773".
+    """The horizontal part of the project's reference system, e.g. of "EPSG:2100", "EPSG:32634+5773" or "EPSG:32634+4979".
 
     Raises WorkflowError when it is unknown, geographic or geocentric, or not in metres.
     """
@@ -30,7 +30,7 @@ def ground_crs(text: str) -> CRS:
             f"The reference system crs: {text} is not known to PROJ; give a projected one in metres, "
             "for example EPSG:2100 or the UTM zone of the site such as EPSG:32634."
         ) from error
-    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
+    horizontal = _plane(crs)
     if horizontal.is_geographic or horizontal.is_geocentric:
         raise WorkflowError(
             f"The reference system crs: {text} ({horizontal.name}) is not projected: its coordinates are in "
@@ -42,6 +42,17 @@ def ground_crs(text: str) -> CRS:
             "give a projected one in metres, for example the UTM zone of the site."
         )
     return horizontal
+
+
+def _plane(crs: CRS) -> CRS:
+    """A system without its heights: those of a compound one, or those above the ellipsoid."""
+    if crs.is_compound:
+        return crs.sub_crs_list[0]
+    if not crs.is_projected or len(crs.axis_info) < 3:
+        return crs
+    # By its code where it has one: a system that was made flat has lost its area of use.
+    flat = crs.to_2d()
+    return CRS.from_epsg(code) if (code := flat.to_epsg()) else flat
 
 
 def on_earth(crs: str) -> bool:

@@ -69,13 +69,6 @@ def altitude(tags: Mapping[str, str]) -> float | None:
     return None if height_mistake(value) else value
 
 
-def time(tags: Mapping[str, str]) -> str | None:
-    """Time of exposure as ISO 8601, local time of the camera; None when absent or malformed."""
-    text = tag_text(tags, "DateTimeOriginal") or tag_text(tags, "DateTime")
-    match = re.fullmatch(r"(\d{4}):(\d\d):(\d\d) (\d\d:\d\d:\d\d).*", text)
-    return f"{match[1]}-{match[2]}-{match[3]}T{match[4]}" if match else None
-
-
 def pixels_per_mm(tags: Mapping[str, str]) -> float | None:
     """The focal plane resolution of the image as the camera wrote it; None without these tags."""
     resolution = positive(tags, "FocalPlaneXResolution")

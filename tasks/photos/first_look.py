@@ -43,7 +43,13 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
         (remark_sentence(remark) for remark in photos.remarks if remark.code not in _SAID),
         rolling_shutter_sentences(photos.photos),
     )
-    return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos))
+    return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos), ellipsoidal=_ellipsoidal(photos))
+
+
+def _ellipsoidal(photos: Photos) -> bool:
+    """Whether tags say of all heights that they are above the ellipsoid."""
+    kinds = {photo.height_kind for photo in photos.photos if photo.position is not None}
+    return kinds == {"ellipsoidal"}
 
 
 def _cameras(photos: Photos) -> Iterator[str]:

@@ -38,6 +38,7 @@ from orthomill.tasks.photos.tags.heights import height_of, with_one_sign
 from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_calibrations, with_serials, zoom_of
 from orthomill.tasks.photos.tags.places import place_of
 from orthomill.tasks.photos.tags.remarks import tag_remarks
+from orthomill.tasks.photos.tags.times import with_one_clock
 
 _DIGITAL = Digital(kind="digital")
 _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continents
@@ -102,7 +103,6 @@ def photo_from_header(header: Header) -> Photo:
         altitude=height.value,
         height_kind=height.kind,
         relative_height=height.above_start,
-        time=exif.time(tags),
         fix=fix_of(tags),
         attitude=attitude.angles if attitude else None,
         attitude_of=attitude.of if attitude else None,
@@ -164,7 +164,8 @@ def index_photos(
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates(named_apart([photo_from_header(header) for header in headers]))
     refuse_ambiguous([photo.name for photo in photos])
-    photos = with_flights(_with_sensors(with_calibrations(with_serials(shared_equivalents(photos)))))
+    photos = _with_sensors(with_calibrations(with_serials(shared_equivalents(photos))))
+    photos = with_flights(with_one_clock(photos, headers))
     photos, about_heights = with_one_sign(photos)
     remarks += [*damaged, *aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))

@@ -35,8 +35,8 @@ READOUT_MS = {
 }
 """ms by model"""
 _MOST_PX = 1.0
-_LONGEST_GAP, _LEAST_GAP = 20.0, 2.0
-"""s between neighbouring photographs of a strip from which a speed follows: whole seconds of tags are too coarse below"""
+_LONGEST_GAP, _LEAST_GAP, _LEAST_WHOLE = 20.0, 0.2, 2.0
+"""s between neighbouring photographs of a strip from which a speed follows; the last where tags have whole seconds only"""
 
 
 def readout_s(tags: Mapping[str, str], rows: int) -> float | None:
@@ -105,5 +105,5 @@ def _speeds(photos: list[Photo]) -> Iterator[float]:
             seconds = (datetime.fromisoformat(after) - datetime.fromisoformat(before)).total_seconds()
         except ValueError:  # cameras without a clock write months of zero
             continue
-        if _LEAST_GAP <= seconds <= _LONGEST_GAP:
+        if (_LEAST_GAP if "." in before + after else _LEAST_WHOLE) <= seconds <= _LONGEST_GAP:
             yield float(np.hypot(end[0] - start[0], end[1] - start[1])) / seconds

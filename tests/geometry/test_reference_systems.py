@@ -28,6 +28,14 @@ def test_the_horizontal_part_of_a_compound_system_counts():
     np.testing.assert_array_equal(ground_coordinates("EPSG:32634+5773", here), ground_coordinates("EPSG:32634", here))
 
 
+def test_the_horizontal_part_of_a_system_with_heights_above_the_ellipsoid_counts():
+    assert ground_crs("EPSG:32634+4979").equals(ground_crs("EPSG:32634"))
+    here = np.array([[22.9, 39.4]])
+    np.testing.assert_array_equal(ground_coordinates("EPSG:32634+4979", here), ground_coordinates("EPSG:32634", here))
+    with pytest.raises(WorkflowError, match="is for longitudes 18 to 24"):
+        ground_coordinates("EPSG:32634+4979", np.array([[-60.0, 39.4]]))
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -43,6 +43,7 @@ def test_there_and_back_through_degrees():
         ("EPSG:2100", None),
         ("EPSG:4326", None),
         ("EPSG:4979", "ellipsoid of WGS 84"),
+        ("EPSG:32634+4979", "ellipsoid of WGS 84"),
         ("EPSG:32634+5773", "EGM96 height"),
         ("EPSG:2100+5773", "EGM96 height"),
     ],

@@ -29,21 +29,6 @@ def test_zero_and_negative_lengths_count_as_absent(text, value):
     assert exif.positive({}, "FocalLength") is None
 
 
-@pytest.mark.parametrize(
-    ("tags", "time"),
-    [
-        ({"DateTimeOriginal": "2016:06:23 16:31:59"}, "2016-06-23T16:31:59"),
-        ({"DateTime": "2016:06:23 16:31:59"}, "2016-06-23T16:31:59"),
-        ({"DateTimeOriginal": "2016:06:23 16:31:59.25"}, "2016-06-23T16:31:59"),
-        ({"DateTime": "yesterday"}, None),
-        ({}, None),
-        ({"DateTimeOriginal": "2020:01:01 00:00:00", "DateTime": "2024:05:05 00:00:00"}, "2020-01-01T00:00:00"),
-    ],
-)
-def test_times_are_iso_8601(tags, time):
-    assert exif.time(tags) == time
-
-
 @pytest.mark.parametrize(("unit", "size"), [("2", 25.4), ("3", 10.0), ("4", 1.0), ("5", 0.001), (None, 25.4)])
 def test_focal_plane_units(unit, size):
     tags = {"FocalPlaneXResolution": "(2540)"} | ({} if unit is None else {"FocalPlaneResolutionUnit": unit})

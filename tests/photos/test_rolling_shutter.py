@@ -32,6 +32,15 @@ def test_speed_times_readout_over_the_ground_pixel():
     assert "(33 ms)" in sentence and "about 8.2 pixels" in sentence and "'variation'" in sentence
 
 
+def test_exposures_within_a_second_need_its_fraction():
+    quick = {"position": None, "time": None}
+    at = [{"position": (500_000.0 + 7.0 * k, 4_000_000.0, 300.0)} for k in range(6)]
+    timed = [{"time": f"2026-05-01T10:00:0{7 * k // 10}.{7 * k % 10}00"} for k in range(6)]
+    assert displacement_px([photo(k, **(quick | at[k] | timed[k])) for k in range(6)]) == pytest.approx(8.25, rel=1e-3)
+    whole = [{"time": one["time"].partition(".")[0]} for one in timed]
+    assert displacement_px([photo(k, **(quick | at[k] | whole[k])) for k in range(6)]) is None
+
+
 def test_the_speed_of_the_tags_comes_first():
     assert displacement_px([photo(number, speed=1.0) for number in range(4)]) == pytest.approx(0.825, rel=1e-3)
     assert not list(rolling_shutter_sentences([photo(number, speed=1.0) for number in range(4)]))

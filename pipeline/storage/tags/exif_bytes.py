@@ -18,6 +18,7 @@ _EXIF = {
     0x829A: "ExposureTime",
     0x9003: "DateTimeOriginal",
     0x9011: "OffsetTimeOriginal",
+    0x9290: "SubSecTime",
     0x9291: "SubSecTimeOriginal",
     0x920A: "FocalLength",
     0xA002: "PixelXDimension",

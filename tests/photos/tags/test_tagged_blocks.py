@@ -50,6 +50,12 @@ def said(photos: Photos, code: PhotoRemarkCode) -> str:
     return remark_sentence(remark)
 
 
+@pytest.mark.parametrize(("flags", "all_of_them"), [(("50", "50", "34"), True), (("50", "50", "16"), False)])
+def test_a_first_look_tells_whether_all_heights_are_above_the_ellipsoid(flags, all_of_them):
+    headers = tuple(header(str(i), i, **dji(RtkFlag=flag, **RTK)) for i, flag in enumerate(flags))
+    assert first_look(headers, "EPSG:32632").ellipsoidal is all_of_them
+
+
 def test_each_photograph_has_the_precision_of_its_fix():
     headers = [header(str(i), i, **dji(RtkFlag=flag, **RTK)) for i, flag in enumerate(("50", "50", "34", "16"))]
     photos = block(*headers)

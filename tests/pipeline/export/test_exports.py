@@ -12,6 +12,7 @@ import pytest
 import rasterio
 from memory_store import TRANSFORM, MemoryStore
 from pydantic import BaseModel
+from pyproj import CRS
 
 from orthomill.pipeline.export.exports import csv_text, export
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -104,6 +105,31 @@ def test_a_vertical_system_travels_with_the_file(tmp_path):
     store = MemoryStore().put("d/z", ramp(80, 90), crs="EPSG:2100+5773", nodata=NAN)
     with rasterio.open(opened(store, tmp_path, "cog", {"z": "d/z"})) as image:
         assert "EGM96 height" in image.crs.to_wkt()
+
+
+@pytest.mark.parametrize(("crs", "heights"), [("EPSG:32634+4979", 3), ("EPSG:32634+5773", 3), ("EPSG:32634", 2)])
+def test_heights_and_points_have_the_system_of_the_project(tmp_path, crs, heights):
+    store = MemoryStore().put("d/z", ramp(80, 90), crs=crs, nodata=NAN)
+    path = opened(store, tmp_path, "cog", {"z": "d/z"})
+    # A file beside it, where GDAL puts what the format does not hold, is lost with the first copy.
+    with rasterio.Env(GDAL_PAM_ENABLED="NO"), rasterio.open(path) as image:
+        written = CRS.from_wkt(image.crs.to_wkt())
+        assert image.descriptions == ("z",) and np.array_equal(image.read(1), ramp(80, 90), equal_nan=True)
+    cloud = laspy.read(opened(store, tmp_path, "laz", {"z": "d/z"}, "points.laz"))
+    for found in (written, cloud.header.parse_crs()):
+        assert len(found.axis_info) == heights and found.equals(CRS.from_user_input(crs)), found.name
+    (record,) = cloud.header.vlrs
+    assert record.string.startswith("PROJCS[" if heights == 2 else "COMPD_CS["), "LAS has WKT 1"
+
+
+def test_heights_above_another_ellipsoid_are_named(tmp_path):
+    store = MemoryStore().put("d/z", ramp(80, 90), crs="EPSG:25832+4937", nodata=NAN)
+    path = opened(store, tmp_path, "cog", {"z": "d/z"})
+    with rasterio.Env(GDAL_PAM_ENABLED="NO"), rasterio.open(path) as image:
+        plane, heights = CRS.from_wkt(image.crs.to_wkt()).sub_crs_list
+    assert plane.to_epsg() == 25832 and heights.name == "ETRS89 ellipsoidal height"
+    cloud = laspy.read(opened(store, tmp_path, "laz", {"z": "d/z"}, "points.laz"))
+    assert cloud.header.parse_crs().equals(CRS.from_user_input("EPSG:25832+4937"))
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16"])

@@ -9,6 +9,7 @@ from orthomill.pipeline.workflow.found_lines import found_lines
 from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
 
@@ -45,6 +46,20 @@ def test_photographs_that_tell_everything_give_a_workflow_that_loads(root):
 def test_a_crs_that_is_given_is_taken(root):
     start = write_starting_workflow("site", root / "photos", root, CATALOGUE, "EPSG:2100+5773")
     assert load_workflow(start.path, CATALOGUE).project.crs == "EPSG:2100+5773"
+
+
+def test_heights_above_the_ellipsoid_are_part_of_the_system(root):
+    def look(headers, crs):
+        return FirstLook(findings=(), used=tuple(header.path for header in headers), ellipsoidal=True)
+
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE, look=look)
+    assert load_workflow(start.path, CATALOGUE).project.crs == "EPSG:32634+4979"
+    # Whose heights control has nobody knows yet, and a system that is given is the user's.
+    (root / "photos" / "gcp_list.txt").write_text("EPSG:32634\n500000 4350000 12.3 20 20 DJI_0.JPG p1\n")
+    with_control = write_starting_workflow("control", root / "photos", root, CATALOGUE, look=look)
+    assert load_workflow(with_control.path, CATALOGUE).project.crs == "EPSG:32634"
+    given = write_starting_workflow("given", root / "photos", root, CATALOGUE, "EPSG:2100", look=look)
+    assert load_workflow(given.path, CATALOGUE).project.crs == "EPSG:2100"
 
 
 def test_every_setting_that_is_commented_out_is_its_default(root):
