@@ -10,7 +10,7 @@ Sources: TIFF 6.0, section 2; CIPA DC-008 (EXIF), 4.6; the entries of DJI's note
 import mmap
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 _MAIN = {0x010E: "ImageDescription", 0x010F: "Make", 0x0110: "Model", 0x0112: "Orientation", 0x0132: "DateTime"}
@@ -93,9 +93,7 @@ def exif_tags(content: bytes | mmap.mmap) -> dict[str, str]:
     exif = block.directory(block.number(main.get(_EXIF_AT)))
     tags |= block.named(exif, _EXIF) | block.named(block.directory(block.number(main.get(_GPS_AT))), _GPS)
     if note := exif.get(_NOTE):
-        # The notes of others have other forms; DJI's is a directory whose first entry names the maker.
-        found = block.named(block.directory(note.at), _DJI)
-        tags |= {name: value for name, value in found.items() if found.get("MakerNote:Make", "").startswith("DJI")}
+        tags |= block.notes(note.at)
     return tags
 
 
@@ -145,6 +143,18 @@ class _Block:
 
     def named(self, entries: dict[int, _Entry], names: dict[int, str]) -> dict[str, str]:
         return {names[tag]: text for tag, entry in entries.items() if tag in names and (text := self._text(entry))}
+
+    def notes(self, at: int) -> dict[str, str]:
+        """DJI's notes: a directory whose first entry names the maker; those of others have other forms.
+
+        A program that wrote the tags anew in the other byte order left the notes, which it does not know, as they were.
+        """
+        for order in "<>":
+            own = replace(self, order=order)
+            found = own.named(own.directory(at), _DJI)
+            if found.get("MakerNote:Make", "").startswith("DJI"):
+                return found
+        return {}
 
     def number(self, entry: _Entry | None) -> int | None:
         """The offset that an entry holds."""
