@@ -5,6 +5,11 @@ camera of DJI writes micrometres for pixels; where nothing was calibrated the sa
 picture as the camera wrote it, larger than a file that was reduced; and a picture whose distortion was taken out keeps the numbers
 of the lens. A constant that is far from what the focal length says is none.
 
+DJI's cx, cy count to the right and down from the centre: its guide to image processing (Mavic 3M, 2023, step 2) gives OpenCV's
+matrix as ((fx, 0, CenterX + cx), (0, fy, CenterY + cy), (0, 0, 1)). A block tells less of it than it seems: a principal point and a
+decentring are alike, and 19 px of the former are p = 0.004 of the latter where k1 is -0.4, so that an adjustment whose y0 has the
+other sign contradicts nothing; held fixed, the documented sign fits the yard's photographs better (0.176 px against 0.208).
+
 Seen in files: DJI, Parrot's Sequoia. By documentation only: Skydio (its support pages: focal lengths and optical centre in pixels
 from the corner, three numbers k1, k2, k3), MicaSense (Pix4D's words for cameras, in millimetres).
 """
