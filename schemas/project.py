@@ -24,6 +24,11 @@ class PhotoFolder(Settings):
         "none", "Which folders below it are looked into: none; those that cameras make on cards (DCIM, 100MEDIA, ...); or all."
     )
     pattern: str = setting("*", "Only files whose name matches this shell pattern.")
+    band: str | None = setting(
+        None,
+        "Of a multispectral camera, the band that makes the block, by its name, or colour; without it, colour or the band nearest "
+        "to green.",
+    )
 
 
 class PhotoList(Settings):

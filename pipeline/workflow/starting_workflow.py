@@ -124,6 +124,7 @@ def starting_text(
         "  kind: folder",
         f"  path: {flow(survey.folder)}",
         *_folders(survey),
+        *_band(look),
         "",
         *_cameras(survey),
         "",
@@ -145,6 +146,12 @@ def starting_text(
 def _folders(survey: Survey) -> Iterator[str]:
     if survey.source.folders != "none":
         yield f"  folders: {survey.source.folders}  # {sentence(PhotoFolder.model_fields['folders'])}"
+
+
+def _band(look: FirstLook | None) -> Iterator[str]:
+    if look and look.band:
+        # So that the next run, with a few photographs more, cannot choose another one.
+        yield f"  band: {flow(look.band)}  # {sentence(PhotoFolder.model_fields['band'])}"
 
 
 def _head(name: str, survey: Survey, found: tuple[str, ...]) -> Iterator[str]:

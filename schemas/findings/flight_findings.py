@@ -29,6 +29,8 @@ class FirstLook(BaseModel):
 
     findings: tuple[str, ...]
     used: tuple[str, ...]
+    band: str | None = None
+    """The band of which the block is made, where others were set aside."""
     ellipsoidal: bool = False
     """All positions have heights above the ellipsoid."""
     expected: ExpectedFlight = ExpectedFlight()

@@ -43,7 +43,13 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
         (remark_sentence(remark) for remark in photos.remarks if remark.code not in _SAID),
         rolling_shutter_sentences(photos.photos),
     )
-    return FirstLook(findings=tuple(findings), used=tuple(photo.path for photo in photos.photos), ellipsoidal=_ellipsoidal(photos))
+    bands = (remark.words[-1] for remark in photos.remarks if remark.code is PhotoRemarkCode.OTHER_BANDS)
+    return FirstLook(
+        findings=tuple(findings),
+        used=tuple(photo.path for photo in photos.photos),
+        band=next(bands, None),
+        ellipsoidal=_ellipsoidal(photos),
+    )
 
 
 def _ellipsoidal(photos: Photos) -> bool:

@@ -55,10 +55,12 @@ _FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 @dataclass(frozen=True)
 class Limits:
-    """Sizes between which a photograph is accepted: `megapixels` at most, `smallest_side` px at least."""
+    """Which photographs are accepted: of `megapixels` at most and `smallest_side` px at least, and of several bands those of one
+    `band`; None: the one that serves best."""
 
     megapixels: float
     smallest_side: int = 64
+    band: str | None = None
 
 
 class PhotoIndex(NamedTuple):
@@ -158,7 +160,7 @@ def index_photos(
     """
     ground_crs(crs)
     headers, damaged = without_damaged(headers, pictures)
-    headers, aside = without_others(headers)
+    headers, aside = without_others(headers, limits.band)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
     if refusals:
         raise PhotoError(" ".join(refusals))

@@ -331,6 +331,12 @@ def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> I
             "each gets its own interior orientation."
         )
     yield from rolling_shutter_sentences(photos.photos)
+    deep = [photo.name for photo in photos.photos if photo.dtype == "uint16"]
+    if deep:
+        yield (
+            f"{_named(deep)} with 16 bits: points and heights are measured with all of them; the orthoimage has 8, stretched alike "
+            "for all photographs up to the brightest ground."
+        )
     if len({photo.bands for photo in photos.photos}) > 1:
         yield "Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground."
 

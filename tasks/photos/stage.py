@@ -81,7 +81,7 @@ class PhotosStage(Stage):
         params: dict[str, Any] = {
             "crs": view.project.crs,
             "positions": view.project.positions,
-            "limits": Limits(self.max_megapixels),
+            "limits": Limits(self.max_megapixels, band=getattr(view.project.photographs, "band", None)),
             "coordinates": self.coordinates,
         }
         writes: dict[str, Raster | Table] = {"photos": PHOTOS, "scans": SCANS}

@@ -68,9 +68,19 @@ def test_several_cameras_and_mixed_bands_are_reported():
     assert first.startswith("The photographs come from 2 cameras") and second.startswith("Grey and colour photographs are mixed")
 
 
+def test_sixteen_bits_are_said_to_end_at_the_orthoimage():
+    (warning,) = report_of(*(one.model_copy(update={"dtype": "uint16"}) for one in PLACED)).warnings
+    assert f"{len(PLACED)} photographs" in warning and "the orthoimage has 8" in warning
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"white": 0.11}, "fully white"), ({"black": 0.11}, "fully black"), ({"contrast": 0.02}, "very little contrast")],
+    [
+        ({"masked": 0.95, "contrast": 0.0}, "hardly anything that is not transparent"),
+        ({"white": 0.11}, "fully white"),
+        ({"black": 0.11}, "fully black"),
+        ({"contrast": 0.02}, "very little contrast"),
+    ],
 )
 def test_bad_exposures_are_named(change, words):
     exposures = (exposure("a"), exposure("b", **change), exposure("c"))

@@ -45,6 +45,14 @@ def test_without_colour_the_band_nearest_to_green_makes_the_block():
     assert used(*BANDS, colour("stray.jpg")) == ("0_Green.tif", "1_Green.tif", "2_Green.tif"), "one stray is no block"
 
 
+def test_a_band_that_is_asked_for_makes_the_block():
+    mixed = (*(colour(f"{number}.jpg") for number in range(3)), *BANDS)
+    assert [header.path for header in without_others(mixed, "nir").headers] == ["0_NIR.tif", "1_NIR.tif", "2_NIR.tif"]
+    assert [header.path for header in without_others((*mixed[:1], *BANDS), "colour").headers] == ["0.jpg"]
+    with pytest.raises(PhotoError, match=r"of the band 'Grren' \(photographs > band\); there are Blue, Green, NIR, Red, colour\."):
+        without_others(mixed, "Grren")
+
+
 def test_one_band_that_was_chosen_stays():
     chosen = tuple(band for band in BANDS if "NIR" in band.path)
     assert without_others(chosen) == (chosen, ())

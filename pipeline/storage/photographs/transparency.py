@@ -5,16 +5,23 @@ Programs that cut away a sky, straighten a lens or black out people leave such p
 
 import numpy as np
 import rasterio
-from rasterio.enums import MaskFlags
+from rasterio.enums import MaskFlags, PhotometricInterp
 from rasterio.windows import Window as GdalWindow
 
+_OWN_BANDS = (None, PhotometricInterp.black, PhotometricInterp.white, PhotometricInterp.rgb, PhotometricInterp.ycbcr)
+"""kinds of TIFF whose bands are read as they are"""
 _OPAQUE = 250
 """of 255: what is less opaque is the soft rim of a mask, whose colours are mixed with those behind it"""
 
 
 def is_masked(dataset: rasterio.DatasetReader) -> bool:
-    """Whether the file can mask parts of its picture. A JPEG cannot: what GDAL takes for its mask lies behind its end."""
-    return dataset.driver != "JPEG" and MaskFlags.all_valid not in dataset.mask_flag_enums[0]
+    """Whether the file can mask parts of its picture.
+
+    A JPEG cannot: what GDAL takes for its mask lies behind its end. Nor can a TIFF in colours for printing, to which GDAL adds an
+    alpha band as it converts them.
+    """
+    own = dataset.driver == "PNG" or dataset.photometric in _OWN_BANDS
+    return own and dataset.driver != "JPEG" and MaskFlags.all_valid not in dataset.mask_flag_enums[0]
 
 
 def opacity(dataset: rasterio.DatasetReader, part: GdalWindow) -> np.ndarray:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import NamedTuple
 
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode
 
 COLOUR, THERMAL = "colour", "thermal"
@@ -40,14 +41,19 @@ class OneBlock(NamedTuple):
     remarks: tuple[PhotoRemark, ...]
 
 
-def one_block(headers: tuple[Header, ...]) -> OneBlock:
-    """Colour photographs, or those of one band; the others are set aside. A folder of one kind stays as it is."""
+def one_block(headers: tuple[Header, ...], wanted: str | None = None) -> OneBlock:
+    """Colour photographs, or those of one band (the `wanted` one); the others are set aside. A folder of one kind stays as it is.
+
+    Raises PhotoError where no photograph is of the wanted band.
+    """
     kinds = tuple(kind or COLOUR for kind in bands_of(headers))
     count = Counter(kinds)
+    if wanted is not None and wanted.lower() not in map(str.lower, count):
+        raise PhotoError(f"No photograph is of the band '{wanted}' (photographs > band); there are {', '.join(sorted(count))}.")
     if len(count) < 2:
         thermal = PhotoRemark(code=PhotoRemarkCode.THERMAL, photos=_paths(headers))
         return OneBlock(headers, (thermal,) if THERMAL in count else ())
-    best = _best(headers, kinds, count)
+    best = next((kind for kind in count if kind.lower() == (wanted or "").lower()), None) or _best(headers, kinds, count)
     aside = tuple(header for header, kind in zip(headers, kinds, strict=True) if kind != best)
     used = tuple(header for header, kind in zip(headers, kinds, strict=True) if kind == best)
     words = (*sorted(kind for kind in count if kind != best), best)

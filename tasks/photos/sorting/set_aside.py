@@ -27,19 +27,22 @@ def set_aside_sentence(remark: PhotoRemark) -> str:
     *others, best = remark.words
     return (
         f"{number} of other bands set aside ({', '.join(others)}; {some_of(remark.photos, 3)}): the block is made of the "
-        f"{'colour photographs' if best == COLOUR else f'band {best}'}. Choose another with 'pattern' or a list of photographs."
+        f"{'colour photographs' if best == COLOUR else f'band {best}'}. Choose another with 'band' or a list of photographs."
     )
 
 
-def without_others(headers: tuple[Header, ...]) -> OneBlock:
-    """The photographs of the block, and a remark for each kind that is set aside. Raises PhotoError where all are panoramas."""
+def without_others(headers: tuple[Header, ...], band: str | None = None) -> OneBlock:
+    """The photographs of the block, and a remark for each kind that is set aside.
+
+    Raises PhotoError where all are panoramas, or none is of the `band` that is asked for.
+    """
     panoramas = {header.path: projection for header in headers if (projection := _projection(header))}
     if headers and len(panoramas) == len(headers):
         raise PhotoError(
             f"{some_of(list(panoramas), 3)}: all photographs are panoramas ({next(iter(panoramas.values()))}), which no frame "
             "camera took in one exposure; give the single photographs that they were made of."
         )
-    block = one_block(tuple(header for header in headers if header.path not in panoramas))
+    block = one_block(tuple(header for header in headers if header.path not in panoramas), band)
     if not panoramas:
         return block
     words = tuple(sorted(set(panoramas.values())))

@@ -103,6 +103,16 @@ def test_an_inner_mask_and_a_value_for_no_data_are_masks_too(tmp_path):
         assert np.array_equal(found[..., 3], np.where(pixels.any(axis=2), 255, 0)), name
 
 
+def test_colours_for_printing_are_converted_and_masked_by_nothing(tmp_path):
+    colours = Image.fromarray(noise(48, 64, 3)).convert("CMYK")
+    colours.save(tmp_path / "a.tif")
+    colours.save(tmp_path / "b.jpg", quality=100)
+    for name in ("a.tif", "b.jpg"):
+        header, found = read_header(tmp_path / name), read_pixels(tmp_path / name, WHOLE)
+        assert (header.bands, header.masked, found.shape) == (3, False, (48, 64, 3))
+        assert np.abs(found.astype(int) - noise(48, 64, 3)).mean() < 12, name
+
+
 def test_a_photograph_without_alpha_has_no_mask(tmp_path):
     path = saved(tmp_path / "a.jpg", noise(48, 64, 3))
     assert not read_header(path).masked

@@ -62,6 +62,14 @@ def test_heights_above_the_ellipsoid_are_part_of_the_system(root):
     assert load_workflow(given.path, CATALOGUE).project.crs == "EPSG:2100"
 
 
+def test_the_band_that_was_chosen_is_written(root):
+    def look(headers, crs):
+        return FirstLook(findings=(), used=tuple(header.path for header in headers), band="Green")
+
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE, look=look)
+    assert load_workflow(start.path, CATALOGUE).project.photographs.band == "Green"
+
+
 def test_every_setting_that_is_commented_out_is_its_default(root):
     start = write_starting_workflow("site", root / "photos", root, CATALOGUE)
     before = load_workflow(start.path, CATALOGUE)
