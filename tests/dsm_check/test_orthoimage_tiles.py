@@ -67,6 +67,14 @@ def test_two_pixels_per_cell_surround_its_centre():
     assert np.abs(mean - coarse)[inner].mean() < np.abs(shifted - coarse)[inner].mean()
 
 
+def test_what_the_photograph_masks_is_no_data():
+    mask = np.full((200, 240, 1), 255, np.uint8)
+    mask[80:120, 90:150] = 0
+    plain, found = made(), made(pixels=np.concatenate([image(), mask], axis=2))
+    lost = (plain > 0) & (found == 0)
+    assert lost.sum() > 20 and np.array_equal(found[~lost], plain[~lost])
+
+
 def test_without_height_there_is_no_data():
     heights = relief()
     heights[20:25, 30:40] = np.nan

@@ -62,6 +62,18 @@ def test_both_images_show_the_same_ground():
     assert np.abs(other[inside, 1] - pixels[inside, 1]).max() < 1e-6
 
 
+def test_what_the_photograph_masks_is_outside():
+    whole, tile = image()
+    mask = np.full((460, 480, 1), 255, np.uint8)
+    mask[100:200, 150:300] = 0
+    seen = resample_tile(tile, Window(0, 0, 460, 480), True, np.concatenate([photograph("a1"), mask], axis=2))
+    col, row = np.meshgrid(np.arange(whole.shape[1], dtype=float), np.arange(whole.shape[0], dtype=float))
+    places = tile.view.to_photo(np.column_stack([col.ravel(), row.ravel()])).reshape(*whole.shape, 2)
+    in_mask = (np.abs(places - [224.5, 149.5]) < [75.0, 50.0]).all(axis=-1)
+    clear = (np.abs(places - [224.5, 149.5]) > [78.0, 53.0]).any(axis=-1)
+    assert in_mask.sum() > 5000 and (seen[in_mask] == 0).all() and np.array_equal(seen[clear], whole[clear])
+
+
 @pytest.mark.parametrize("size", [64, 100, 256])
 def test_tiles_make_up_the_whole(size):
     whole, _ = image()
