@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.masked_pixels import colours_of, is_masked, picture_of, picture_or_nan
 from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt, colours_at
+from orthomill.tasks.imagery.masked_pixels import colours_of, is_masked, picture_of, picture_or_nan
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.imagery.radiometry import grey, grey_bytes, grey_range, real_grey
 from orthomill.tasks.photos.pixels import exposure
