@@ -75,7 +75,8 @@ def vertical_name(text: str) -> str | None:
     if crs.is_compound:
         return crs.sub_crs_list[1].name
     # A geographic or projected system with three axes has ellipsoidal heights.
-    return f"ellipsoid of {crs.geodetic_crs.name}" if len(crs.axis_info) == 3 else None
+    base = crs.geodetic_crs
+    return f"ellipsoid of {base.name}" if base is not None and len(crs.axis_info) == 3 else None
 
 
 def height_unit(text: str) -> float:

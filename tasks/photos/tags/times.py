@@ -75,6 +75,6 @@ def _moment(text: str, fraction: str) -> datetime | None:
     digits = match[7] or fraction.strip()
     micro = int(digits[:6].ljust(6, "0")) if re.fullmatch(r"\d{1,9}", digits, re.ASCII) else 0
     try:
-        return datetime(*(int(match[k]) for k in range(1, 7)), micro)  # type: ignore[arg-type]
+        return datetime.fromisoformat("{}-{}-{}T{}:{}:{}".format(*match.groups()[:6])).replace(microsecond=micro)
     except ValueError:  # months of zero
         return None
