@@ -14,6 +14,7 @@ from orthomill.kernels.kernel_compilation import njit
 
 @njit(inline="always")
 def _clamped(i, n):
+    """The nearest to i of the places 0 to n - 1."""
     return min(max(i, 0), n - 1)
 
 

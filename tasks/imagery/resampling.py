@@ -11,6 +11,7 @@ from orthomill.kernels.kernel_compilation import njit
 
 @njit(inline="always")
 def _keys(t):
+    """Weight of a neighbour at the distance t, px (Keys 1981, a = -1/2)."""
     t = abs(t)
     if t < 1.0:
         return 1.0 + t * t * (1.5 * t - 2.5)
@@ -21,6 +22,7 @@ def _keys(t):
 
 @njit()
 def _cubic(image, pixels, out):
+    """Fills `out` (N, bands) with the values of `image` (rows, cols, bands) at pixels (N, 2) (col, row); NaN outside."""
     rows, cols, bands = image.shape
     for i in range(pixels.shape[0]):
         x, y = pixels[i, 0], pixels[i, 1]

@@ -158,7 +158,9 @@ class ProjectionStage(ColourSettings, Stage):
         yield from block_jobs(census)
         yield frames_job(self.outputs, names, self.surface.unit)
         frames, blocks = view.table(FRAMES).frames, view.table(BLOCKS)
-        basis = ProjectionBasis(block, photos, names, census, blocks, view.project.tile, block.crs)
+        basis = ProjectionBasis(
+            block=block, photos=photos, names=names, census=census, blocks=blocks, tile=view.project.tile, crs=block.crs
+        )
         yield from photograph_jobs(basis)
         if self.masks.kind == "borders":
             yield from border_jobs(basis)

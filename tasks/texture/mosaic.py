@@ -155,6 +155,8 @@ def _scene(
     showing: list[int],
     rules: TextureRules,
 ) -> _Scene:
+    """The ground of a tile at its `painted` heights (rows, cols) m, which are `measured` (rows, cols) bool or not and may well be
+    lower by `spread` (rows, cols) m; `showing`: numbers of the photographs that show some of it."""
     # Draped heights stand in the way as well, like estimates: what is painted is a surface.
     model = HeightModel(bridge_holes(painted, rules.bridge), extent.dsm, extent.heights)
     certain = HeightModel(np.where(measured, painted, np.float32(np.nan)), extent.dsm, extent.heights)
@@ -255,7 +257,8 @@ def texture_tile(
     known = np.isfinite(heights)
     # The datum moves what hides and what is hidden alike: only errors among neighbours count. Draped heights are guessed.
     spread = np.where(known, np.nan_to_num(np.float32(MAY_WELL) * precision), np.float32(np.inf))
-    scene = _scene(painted, np.isin(provenance, MEASURED) & known, spread, extent, around, numbers, rules)
+    measured = np.isin(provenance, MEASURED) & known
+    scene = _scene(painted, measured=measured, spread=spread, extent=extent, photos=around, showing=numbers, rules=rules)
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)

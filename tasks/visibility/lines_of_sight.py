@@ -92,4 +92,4 @@ class HeightPlaces:
         cols, rows = np.asarray(targets.cols, np.float64), np.asarray(targets.rows, np.float64)
         x, y = grid.west + (cols + 0.5) * grid.cell, grid.north - (rows + 0.5) * grid.cell
         z, slope, above = (np.ascontiguousarray(values, np.float32) for values in (targets.z, targets.slope, self.above))
-        return _PlaceRows(x, y, cols, rows, z, slope, above, float(self.tolerance))
+        return _PlaceRows(x=x, y=y, cols=cols, rows=rows, z=z, slope=slope, above=above, tolerance=float(self.tolerance))

@@ -85,6 +85,7 @@ class TileSurface(BaseModel):
 
     @property
     def box(self) -> BlockBox:
+        """About the points of the surface."""
         return BlockBox(low=self.low, high=self.high)
 
 

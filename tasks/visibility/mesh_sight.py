@@ -75,6 +75,7 @@ def _place(n, points, widest, own):
 
 @njit(inline="always")
 def _corner(corners, at, k):
+    """Corner k of the triangle at the place `at` of corners (T, 3, 3), in float64."""
     return np.float64(corners[at, k, 0]), np.float64(corners[at, k, 1]), np.float64(corners[at, k, 2])
 
 
@@ -101,6 +102,11 @@ def _met(corners, at, centre, dx, dy, dz):
 
 @njit()
 def _see(points, own, m, centre, nearness, triangle, corner, places, corners, limits, facing, out):
+    """Fills the codes `out` (N,) of points (N, 3) on the triangles `own` (N,), -1 for none, from the view with the matrix m (3, 4).
+
+    nearness, triangle (rows, cols): its raster, whose first row and column are `corner`; places, corners: as of `TrianglesAtHand`;
+    limits (3,): as of `SightTolerance`, but as shares of the depth; facing: -1 for a mesh whose triangles face inwards.
+    """
     height, width = nearness.shape
     for i in range(points.shape[0]):
         if own[i] < 0:

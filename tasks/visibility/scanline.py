@@ -95,6 +95,7 @@ def add_projected(raster: NearestTriangles, corners: np.ndarray, numbers: np.nda
 
 @njit(nogil=True)
 def _project(points, m, out):
+    """Fills `out` (N, 3) with the images of points (N, 3) by the matrix m (3, 4)."""
     # No matrix product of a library: its rounding depends on the number of points.
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -103,8 +104,10 @@ def _project(points, m, out):
 
 
 @njit(nogil=True, error_model="numpy")
-def _scan(xa, ya, na, xb, yb, nb, xc, yc, nc, number, corner, nearness, triangle):
-    """Fills one triangle, its vertices given as (col, row, nearness)."""
+def _scan(a, b, c, number, corner, nearness, triangle):
+    """Draws the triangle `number` into nearness and triangle (rows, cols), whose first row and column are `corner`; a, b, c: its
+    vertices as (col, row, nearness)."""
+    (xa, ya, na), (xb, yb, nb), (xc, yc, nc) = a, b, c
     row0, col0 = corner
     height, width = nearness.shape
     lowest, highest = min(ya, yb, yc), max(ya, yb, yc)
@@ -157,16 +160,16 @@ def _scan(xa, ya, na, xb, yb, nb, xc, yc, nc, number, corner, nearness, triangle
 
 @njit(nogil=True)
 def _fill_parallel(p, triangles, numbers, corner, nearness, triangle):
+    """Draws triangles (T, 3) of points p (N, 3), given as (col, row, nearness), by their numbers (T,)."""
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        _scan(
-            p[a, 0], p[a, 1], p[a, 2], p[b, 0], p[b, 1], p[b, 2], p[c, 0], p[c, 1], p[c, 2],
-            numbers[t], corner, nearness, triangle,
-        )  # fmt: skip
+        first, second, third = (p[a, 0], p[a, 1], p[a, 2]), (p[b, 0], p[b, 1], p[b, 2]), (p[c, 0], p[c, 1], p[c, 2])
+        _scan(first, second, third, numbers[t], corner, nearness, triangle)
 
 
 @njit(nogil=True, error_model="numpy")
 def _fill_central(p, triangles, numbers, corner, nearness, triangle):
+    """Draws triangles (T, 3) of points p (N, 3), given as (col, row, 1) times their depth, by their numbers (T,)."""
     for t in range(triangles.shape[0]):
         a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         da, db, dc = p[a, 2], p[b, 2], p[c, 2]
@@ -178,10 +181,8 @@ def _fill_central(p, triangles, numbers, corner, nearness, triangle):
             _fill_cut(p, a, b, c, _FRONT * deepest, numbers[t], corner, nearness, triangle)
             continue
         ia, ib, ic = 1.0 / da, 1.0 / db, 1.0 / dc
-        _scan(
-            p[a, 0] * ia, p[a, 1] * ia, ia, p[b, 0] * ib, p[b, 1] * ib, ib, p[c, 0] * ic, p[c, 1] * ic, ic,
-            numbers[t], corner, nearness, triangle,
-        )  # fmt: skip
+        first, second = (p[a, 0] * ia, p[a, 1] * ia, ia), (p[b, 0] * ib, p[b, 1] * ib, ib)
+        _scan(first, second, (p[c, 0] * ic, p[c, 1] * ic, ic), numbers[t], corner, nearness, triangle)
 
 
 @njit(nogil=True, error_model="numpy")
@@ -205,7 +206,5 @@ def _fill_cut(p, a, b, c, front, number, corner, nearness, triangle):
             kept[count, 2] = 1.0 / front
             count += 1
     for k in range(1, count - 1):
-        _scan(
-            kept[0, 0], kept[0, 1], kept[0, 2], kept[k, 0], kept[k, 1], kept[k, 2], kept[k + 1, 0], kept[k + 1, 1], kept[k + 1, 2],
-            number, corner, nearness, triangle,
-        )  # fmt: skip
+        second, third = (kept[k, 0], kept[k, 1], kept[k, 2]), (kept[k + 1, 0], kept[k + 1, 1], kept[k + 1, 2])
+        _scan((kept[0, 0], kept[0, 1], kept[0, 2]), second, third, number, corner, nearness, triangle)

@@ -95,6 +95,7 @@ def correct(grey, r2, terms):
 
 @njit(error_model="numpy", inline="always")
 def _correct_bands(grey, r2, terms, bands):
+    """As `correct`; `bands` is written out where it is called, so that the compiler unrolls the loop over them."""
     one = np.float32(1.0)
     for i in range(r2.size):
         for band in range(bands):

@@ -60,6 +60,7 @@ class _Channel:
 
 @njit()
 def _mark_pairs(first, photo, found):
+    """Marks in `found` (photos, photos) who sees a point together; first (points + 1,): first row of each point, photo (N,)."""
     for p in range(first.size - 1):
         for k in range(first[p], first[p + 1]):
             for m in range(first[p], first[p + 1]):

@@ -295,6 +295,8 @@ def _share(weight, row, power):
 
 @njit()
 def _blend(colours, weights, broken, rules, images, row, values, work):
+    """Fills `images` from colours (photos, rows, cols, bands) and weights (photos, rows, cols); `row`, `values` (MOST, bands) and
+    `work` are work space."""
     photos, rows, cols, _ = colours.shape
     for i in range(rows):
         _plain_row(colours, weights, i, rules, row, images)

@@ -55,6 +55,7 @@ PUBLISHED = Rejection()
 
 @njit(inline="always")
 def _median_of(values, count, scratch):
+    """The median of the first `count` values (N,); scratch (N,)."""
     # Insertion sort: a pixel has a handful of values, for which it is faster than any other.
     for i in range(count):
         v = values[i]

@@ -111,6 +111,7 @@ def _gather(lattice, cell, palette):
 
 @njit()
 def _mean_of_better_half(distances, count):
+    """The mean of the smaller half of the first `count` distances."""
     ordered, half = np.sort(distances[:count]), (count + 1) // 2
     return ordered[:half].mean()
 
@@ -141,6 +142,8 @@ def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
 
 @njit()
 def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
+    """Fills scores `out` (rows, cols) and `alike` (2, photos, rows, cols) of the `chosen` pixels, whose first row and column are
+    `corner`; other arguments as of `likeness`."""
     photos, rows, cols, _ = upper.shape
     palette, low = _Palette(np.empty((3, _MOST), np.float32), np.empty((3, _MOST), np.float32)), np.empty(photos)
     # Pixels of one cell share their examples; cells are counted from the corner of the orthoimage, not of these rows.
@@ -185,6 +188,7 @@ def likeness(
 
 @njit()
 def _support(scores, upper, lower, reach, out):
+    """Fills `out` (rows, cols) as `supported` tells."""
     rows, cols, bands = upper.shape
     scale = 1.0 / (2.0 * bands * _ALIKE)
     for r in range(rows):

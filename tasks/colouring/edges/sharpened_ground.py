@@ -107,7 +107,7 @@ def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Wind
     side, smooth, doubtful = (_repeated(cells, divisor)[part] for cells in (side, surfaces.smooth, surfaces.doubtful))
     examples = smooth & (side != Side.NEITHER)
     upper, lower = (np.ascontiguousarray(at_pixels(planes, divisor)[part]) for planes in (surfaces.upper, surfaces.lower))
-    return _Walls(grid, wide, upper, lower, side, examples, doubtful)
+    return _Walls(grid=grid, window=wide, upper=upper, lower=lower, side=side, examples=examples, doubtful=doubtful)
 
 
 def _repeated(cells: np.ndarray, divisor: int) -> np.ndarray:

@@ -109,6 +109,7 @@ def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
 
 @njit()
 def _sample(part, n, cells, limits, correction, out):
+    """Fills `out` with what the view n, of which `part` is at hand, shows of the cells; correction: terms, or none (0, 0)."""
     # Positions are counted in the whole grid and photograph, so that rounding is the same whatever the windows.
     rows, cols = cells.z.shape
     x = np.empty(cols)

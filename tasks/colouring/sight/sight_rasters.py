@@ -82,7 +82,17 @@ def sight_tile(
     origin, at_hand = np.array(census.origin), TrianglesAtHand.of(tile.blocks, blocks)
     surface = tile_points(triangle, at_hand, tile.frame, tile.window, origin)
     rasters = (NearestTriangles(part.window, *pair) for part, *pair in zip(tile.parts, nearness, drawn, strict=True))
-    codes = point_sights(surface, rasters, block, origin, facing.sign, at_hand, tile, tolerance, masks)
+    codes = point_sights(
+        surface,
+        rasters,
+        block=block,
+        origin=origin,
+        facing=facing.sign,
+        at_hand=at_hand,
+        photographs=tile,
+        tolerance=tolerance,
+        masks=masks,
+    )
     # A back shows nothing: what is painted on the front of it belongs to the other side.
     codes[surface.backs(facing.sign)] = PlaceSight.AWAY
     out = np.full((triangle.size, len(tile.names)), PlaceSight.NOWHERE, np.uint8)

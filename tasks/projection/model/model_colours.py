@@ -136,8 +136,17 @@ class _Painter:
     def _group(self, points: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         corners = self.at_hand.corners_of(triangle)
         surface = TilePoints(np.arange(len(points)), points, triangle, corners, np.zeros_like(points))
-        block, origin, facing = self.shown.block, self.shown.origin, self.shown.facing
-        codes = point_sights(surface, self.rasters, block, origin, facing, self.at_hand, self.tile.seen, self.tolerance, self.masks)
+        codes = point_sights(
+            surface,
+            self.rasters,
+            block=self.shown.block,
+            origin=self.shown.origin,
+            facing=self.shown.facing,
+            at_hand=self.at_hand,
+            photographs=self.tile.seen,
+            tolerance=self.tolerance,
+            masks=self.masks,
+        )
         found = tile_colours(surface, codes[None], self.shown, self.rules).blended(self.rules, self.widening.at_breaks)
         out = np.full((len(points), 4), UNSEEN, np.uint8)
         known = found.used[0] > 0
@@ -164,8 +173,12 @@ def coloured_block(
     """One block of the mesh in colour. nearness, drawn: rasters of the parts of `tile.seen`; photos: pixels of `tile.coloured`."""
     at_hand, origin = TrianglesAtHand.of(tile.blocks, blocks), np.array(census.origin)
     rasters = [NearestTriangles(part.window, *pair) for part, *pair in zip(tile.seen.parts, nearness, drawn, strict=True)]
-    shown = ShownPhotographs(tile.coloured, photos, (), block, origin, radiometry, facing.sign)
-    painter = _Painter(at_hand, rasters, masks, shown, tile, tolerance, rules, widening)
+    shown = ShownPhotographs(
+        at_hand=tile.coloured, photos=photos, zones=(), block=block, origin=origin, radiometry=radiometry, facing=facing.sign
+    )
+    painter = _Painter(
+        at_hand=at_hand, rasters=rasters, masks=masks, shown=shown, tile=tile, tolerance=tolerance, rules=rules, widening=widening
+    )
     corners = at_hand.corners_of(np.arange(PER_BLOCK) + tile.number * PER_BLOCK)
     corners = corners[np.isfinite(corners[:, 0, 0])]
     laid = unwrapped(corners, tile.side, tile.texel)

@@ -34,6 +34,7 @@ class OutputTotals:
 
     @property
     def name(self) -> str:
+        """Of the output."""
         return self.facts.frame.name
 
     @cached_property

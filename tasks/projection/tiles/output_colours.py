@@ -97,7 +97,15 @@ class TileAtHand:
             sight = sight.reshape(-1, sight.shape[2])[surface.at][None]
             surface = replace(surface, at=np.arange(len(surface.at)))
         zones, facing = reads.get("zones", ()), reads["facing"].sign
-        shown = ShownPhotographs(tile, reads["photos"], zones, reads["block"], origin, reads["radiometry"], facing)
+        shown = ShownPhotographs(
+            at_hand=tile,
+            photos=reads["photos"],
+            zones=zones,
+            block=reads["block"],
+            origin=origin,
+            radiometry=reads["radiometry"],
+            facing=facing,
+        )
         return TileAtHand(surface, sight, shown)
 
     def colours(self, rules: ColourRules) -> TileColours:
