@@ -14,7 +14,7 @@ from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import ROOT
 
 _STAGE, _SCAN = "tests/projection/test_projection_stage.py", "tests/visibility/test_scanline.py"
-_BLEND, _TILES = "tests/imagery/test_blending.py", "tests/texture/test_texture_tiles.py"
+_BLEND, _TILES = "tests/colouring/test_blending.py", "tests/texture/test_texture_tiles.py"
 _PAGE = "benchmarks/results/texture_acceptance.md"
 CHECKS = {
     "A-01": ("the nearer of two stacked squares", f"{_SCAN}::test_of_two_stacked_squares_the_nearer_one_is_kept_everywhere"),
@@ -39,7 +39,7 @@ CHECKS = {
     "A-14": ("none > M7 > M10 + M7", _PAGE),
     "A-15": (
         "opening by its window",
-        "tests/projection/test_occlusion_limits.py::test_opening_removes_what_is_smaller_than_its_window_and_keeps_the_rest_in_place",
+        "tests/colouring/test_hidden_edges.py::test_opening_removes_what_is_smaller_than_its_window_and_keeps_the_rest_in_place",
     ),
     "A-16": ("holes with and without removal of specks", _PAGE),
     "A-17": ("distortion ignored", _PAGE),
