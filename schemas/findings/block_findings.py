@@ -292,6 +292,20 @@ class OffsetAdjusted(_Finding):
     """by which the block would lie elsewhere without it, at most"""
     heights: str | None = None
     """what tags say that the heights of the positions refer to"""
+    zoom: float | None = None
+    """by how many times another camera constant of these photographs would explain it, too; None: it would not"""
+
+
+class ConstantOfItsOwn(_Finding):
+    """Photographs were taken with another camera constant than the others of their camera, and got a camera of their own."""
+
+    code: Literal["constant_of_its_own"] = "constant_of_its_own"
+    photos: tuple[str, ...]
+    camera: str
+    """which all of them were thought to have"""
+    c_px: float
+    others_px: float
+    """the adjusted camera constants of these photographs and of the others"""
 
 
 class UnitContradicted(_Finding):
@@ -305,6 +319,10 @@ class UnitContradicted(_Finding):
     """misfit in height as given"""
     fits_m: float
     """misfit in height in that unit"""
+    crs: str = ""
+    """the system in which the control was read"""
+    heights_m: tuple[float, float] | None = None
+    """median height of the control as given and in that unit"""
 
 
 class SourcesDisagree(_Finding):
@@ -458,6 +476,7 @@ BlockFinding = Annotated[
     | PositionsElsewhere
     | PositionsAlongView
     | OffsetAdjusted
+    | ConstantOfItsOwn
     | UnitContradicted
     | SourcesDisagree
     | DistanceContradicted

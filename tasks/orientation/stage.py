@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import model_validator
 
 from orthomill.schemas.camera import CAMERAS
-from orthomill.schemas.job import Export, Job, Raster, Region, Table, TextFile
+from orthomill.schemas.job import Export, HeightFile, Job, Raster, Region, Table, TextFile
 from orthomill.schemas.observations import (
     CONTROL,
     GROUND_POINTS,
@@ -42,6 +42,7 @@ from orthomill.tasks.orientation.reporting.control_sentences import control_read
 from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
+from orthomill.tasks.orientation.sources.elevation_model import ElevationFile
 from orthomill.tasks.orientation.start.up_direction import Looking
 
 Reads = dict[str, Region | tuple[Region, ...]]
@@ -68,6 +69,7 @@ OF_THE_ADJUSTMENT = (
     "vertical_sigma",
     "rejection",
     "variation",
+    "elevation",
 )
 """Settings that only the block adjustment reads."""
 
@@ -125,6 +127,12 @@ class OrientationStage(Stage):
         NoVariation(kind="none"),
         "What of the interior orientation varies from photograph to photograph: nothing, the camera constant (zoom), the principal "
         "point (stabilised), or what a rolling shutter does.",
+    )
+
+    elevation: ElevationFile | None = setting(
+        None,
+        "An elevation model of the ground, a source that the heights and the tilt of the block are compared with; it takes no "
+        "part in the adjustment.",
     )
 
     @model_validator(mode="after")
@@ -234,6 +242,11 @@ class OrientationStage(Stage):
         if self.exterior.kind != "adjusted":
             function, params = orient_from, params | {"source": self.exterior}
             reads["texts"] = tuple(TextFile(path) for path in self.exterior.files)
+        if self.elevation is not None:
+            lattice = self.elevation.lattice(view.table(PHOTOS))
+            window, own = Window(0, 0, *lattice.grid.shape), self.elevation
+            reads["heights"] = HeightFile(own.path, view.project.crs, lattice.grid, window, own.system)
+            params |= {"lattice": lattice}
         yield Job(
             "orientation",
             "block",

@@ -79,8 +79,17 @@ BLOCK_VALUES = {
         "tilt_deg": 10.0,
         "moved_m": 9.1,
         "heights": None,
+        "zoom": 1.08,
     },
-    "unit_contradicted": {"unit": "feet", "heights_only": True, "given_m": 368.0, "fits_m": 0.2},
+    "constant_of_its_own": {"photos": ("a", "b"), "camera": "n", "c_px": 1725.0, "others_px": 1150.0},
+    "unit_contradicted": {
+        "unit": "feet",
+        "heights_only": True,
+        "given_m": 368.0,
+        "fits_m": 0.2,
+        "crs": "EPSG:26849",
+        "heights_m": (532.7, 162.4),
+    },
     "sources_disagree": {
         "source": "control",
         "parameter": "scale",

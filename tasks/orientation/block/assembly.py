@@ -18,6 +18,7 @@ from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.orientation.block.own_constants import OwnConstant
 from orthomill.tasks.orientation.control.ground_points import ApproximatePoints, approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
@@ -78,15 +79,17 @@ class Problem:
 @dataclass(frozen=True, eq=False)
 class BlockResults:
     """All that the tables are made from; `findings` about sources and cameras; `restart` (C,) px: camera constants with which the
-    start is to be made again (NaN: as given); `statements`: what each source says of the block."""
+    start is to be made again (NaN: as given; None: all are); `statements`: what each source says of the block; `zooms`:
+    photographs that may have other camera constants."""
 
     cameras: Cameras
     problem: Problem
     result: Adjustment
     datum: Datum
-    findings: tuple[BlockFinding, ...]
-    restart: np.ndarray
+    findings: tuple[BlockFinding, ...] = ()
+    restart: np.ndarray | None = None
     statements: tuple[SourceStatement, ...] = ()
+    zooms: tuple[OwnConstant, ...] = ()
 
 
 def taking_part(control: Control) -> list[ControlPoint]:

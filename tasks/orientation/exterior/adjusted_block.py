@@ -5,7 +5,7 @@ computation; all that leaves this file is in the project's CRS again. Groups of 
 together where positions or control place them in the project's system; the others become free blocks of their own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,9 +36,10 @@ from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.lens_test import contradicted_lenses
+from orthomill.tasks.orientation.block.own_constants import clearly_less, own_constant_findings, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
-from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, explained
+from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
@@ -50,8 +51,8 @@ from orthomill.tasks.orientation.results.contradictions import agreeing_position
 from orthomill.tasks.orientation.results.ground_results import ground_residuals
 from orthomill.tasks.orientation.sensor_frame import Sensors, Upright
 from orthomill.tasks.orientation.shape.held_parameters import considering_held
-from orthomill.tasks.orientation.sources.block_sources import block_sources
-from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, source_statements
+from orthomill.tasks.orientation.sources.elevation_model import Elevation, ElevationModel, Lattice
+from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, own_constants, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
 from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
@@ -78,6 +79,11 @@ class _Input:
     material: GrowthMaterial
     choices: BlockChoices
     tops: Mapping[str, np.ndarray]
+    elevation: Elevation | None = None
+
+    def model(self, datum: Datum) -> ElevationModel | None:
+        """The elevation model in the local coordinates of a datum."""
+        return ElevationModel(self.elevation, datum.origin) if self.elevation else None
 
 
 def orient_block(
@@ -89,14 +95,19 @@ def orient_block(
     crs: str,
     choices: BlockChoices,
     given: Mapping[str, ForeignPose] | None = None,
+    heights: np.ndarray | None = None,
+    lattice: Lattice | None = None,
 ) -> BlockTables:
-    """Orients all photographs that can be oriented; `given`: approximate exterior orientations to start with.
+    """Orients all photographs that can be oriented; `given`: approximate exterior orientations to start with; `heights` (rows,
+    cols) m of an elevation model on a `lattice`, to compare with.
 
-    Raises GeometryError when there is no block at all or its observations do not determine it.
+    Raises GeometryError when there is no block at all or its observations do not determine it, WorkflowError for an elevation model
+    of another place.
     """
+    elevation = None if heights is None or lattice is None else Elevation(heights, lattice).checked()
     # One interior orientation for each sensor: photographs turned by EXIF would need one for every way they were turned.
     upright = Upright(photos, cameras)
-    tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices)
+    tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices, elevation)
     return _upright_tables(upright, tables) if upright.anything else tables
 
 
@@ -115,16 +126,23 @@ def _upright_tables(upright: Upright, tables: BlockTables) -> BlockTables:
     )
 
 
-def _block_of_sensors(seen: Sensors, relative: RelativeOrientations, crs: str, choices: BlockChoices) -> BlockTables:
+def _block_of_sensors(
+    seen: Sensors, relative: RelativeOrientations, crs: str, choices: BlockChoices, elevation: Elevation | None
+) -> BlockTables:
     """The tables of photographs as their sensors saw them."""
     photos, tie_points, control, cameras = seen.photos, seen.tie_points, seen.control, seen.cameras
     cameras = cameras.with_k1(relative.start_k1)
     # A control point in one photograph determines no scale, so it does not separate c from the flying height.
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
-    material, tracks = _material(photos, cameras, tie_points, relative, choices, len(usable) < ENOUGH_CONTROL)
-    have = _Input(photos, cameras, control, material, choices, seen.tops)
+    nominal = len(usable) < ENOUGH_CONTROL
+    material, tracks = _material(photos, cameras, tie_points, relative, choices, nominal)
+    have = _Input(photos, cameras, control, material, choices, seen.tops, elevation)
+
+    def with_cameras(others: Cameras) -> _Input:
+        return replace(have, cameras=others, material=_material(photos, others, tie_points, relative, choices, nominal)[0])
+
     try:
-        oriented = _with_restart(have, *_given(photos, seen.given))
+        oriented = _with_own_constants(_with_restart(have, *_given(photos, seen.given)), cameras, with_cameras)
     except GeometryError as error:
         # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
         causes = (finding_sentence(finding) for finding in folding_cameras(cameras))
@@ -187,7 +205,7 @@ def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) 
     first = _oriented(have, start_blocks(have.material, given), origin)
     restart = first.results.restart
     # One restart only: constants that are still contradicted afterwards would be again.
-    if not np.isfinite(restart).any():
+    if restart is None or not np.isfinite(restart).any():
         return first
     constants = np.where(np.isfinite(restart), restart, have.material.interior.value[:, 0])
     try:
@@ -195,6 +213,25 @@ def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) 
     except GeometryError:
         return first
     return second if _explains_more(second.results, first.results) else first
+
+
+def _with_own_constants(first: _Oriented, cameras: Cameras, with_cameras: Callable[[Cameras], _Input]) -> _Oriented:
+    """The block; started again with cameras of their own for photographs whose camera constant may be another one, where these
+    explain the photographs better."""
+    for own in first.results.zooms:
+        have = with_cameras(with_own_constant(cameras, own))
+        try:
+            second = _oriented(have, start_blocks(have.material), None)
+        except GeometryError:
+            continue
+        unit = min(second.results.result.sigma0_px, first.results.result.sigma0_px)
+        missed, before = (_missed(one.results.result, unit) for one in (second, first))
+        more = len(second.results.problem.names) > len(first.results.problem.names)
+        if more or (_explains_more(second.results, first.results) and clearly_less(missed, before, first.results.result)):
+            problem, values = second.results.problem, second.results.result.state.interior[:, 0]
+            told = own_constant_findings(own, cameras, dict(zip(problem.camera_names, map(float, values), strict=True)))
+            return replace(second, results=replace(second.results, findings=(*told, *second.results.findings)))
+    return first
 
 
 def _explains_more(second: BlockResults, first: BlockResults) -> bool:
@@ -283,7 +320,7 @@ class _Attempt:
     datum: Datum
     rays: Rays
     findings: tuple[BlockFinding, ...]
-    outcome: Tested | GeometryError
+    outcome: ExplainedBlock | GeometryError
     weak: int | None
     why: str
 
@@ -314,18 +351,18 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
     start = AdjustmentStart(network, state.with_antenna(network), rays, test, choices.interior)
     try:
-        tested, causes = explained(start, have.photos, problem, datum, choices.gnss_shift)
+        found = explained(start, have.photos, problem, datum, choices.gnss_shift, have.model(datum))
         # Positions that offsets bring into agreement take part again.
-        aside = datum.positions_aside & ~tested.result.network.centre_weight.any(axis=1)
-        weak = away_from_its_position(tested.result, aside)
+        aside = datum.positions_aside & ~found.tested.result.network.centre_weight.any(axis=1)
+        weak = away_from_its_position(found.tested.result, aside)
     except GeometryError as error:
         # Without a result there are no rejected rays, so all that are sufficiently observed are judged.
         weak = weakest(network, state, sufficiently_observed(network, rays))
         return _Attempt(problem, datum, rays, findings, error, weak, str(error))
-    return _Attempt(problem, datum, rays, (*causes, *findings), tested, weak, AWAY)
+    return _Attempt(problem, datum, rays, (*found.found, *findings), found, weak, AWAY)
 
 
-def _with_agreeing(have: _Input, attempt: _Attempt, tested: Tested, parts: list[Part]) -> list[Part]:
+def _with_agreeing(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock, parts: list[Part]) -> list[Part]:
     """The parts with those positions that the start had set aside, and that agree with the adjusted block; none where there are
     none.
 
@@ -333,7 +370,7 @@ def _with_agreeing(have: _Input, attempt: _Attempt, tested: Tested, parts: list[
     """
     if not attempt.datum.positions_aside.any():
         return []
-    agree = agreeing_positions(_results(have, attempt, tested))
+    agree = agreeing_positions(BlockResults(have.cameras, attempt.problem, adjusted.tested.result, attempt.datum))
     if not agree:
         return []
     back = [np.isin([have.material.names[i] for i in part.start.photos], agree) for part in parts]
@@ -341,19 +378,19 @@ def _with_agreeing(have: _Input, attempt: _Attempt, tested: Tested, parts: list[
     return [replace(part, datum=datum) for part, datum in zip(parts, datums, strict=True)]
 
 
-def _results(have: _Input, attempt: _Attempt, tested: Tested) -> BlockResults:
+def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> BlockResults:
+    tested, sources, problem = adjusted.tested, adjusted.sources, attempt.problem
     unknown = unweighted(have.material.cameras, have.choices.interior)
     of_cameras = [_told_of_guess(have, finding) for finding in tested.findings]
     # Interior orientations that could not be adjusted are told as such: nothing more is known of them.
     undetermined = any(isinstance(finding, InteriorFixed) for finding in of_cameras)
-    lenses = () if undetermined else contradicted_lenses(tested.result, attempt.problem.camera_names)
+    lenses = () if undetermined else contradicted_lenses(tested.result, problem.camera_names)
     findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras, *lenses)
-    sources = block_sources(have.photos, attempt.problem, attempt.datum, tested.result.network, tested.result.state)
-    statements = source_statements(sources, attempt.problem.camera_names)
-    of_sources = contradicted_sources(sources, statements)
-    findings = (*findings, *of_sources)
+    statements = source_statements(sources, problem)
+    findings = (*findings, *contradicted_sources(sources, statements, have.control))
     datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
-    return BlockResults(have.cameras, attempt.problem, tested.result, datum, findings, tested.restart, statements)
+    zooms = own_constants(sources, problem.names)
+    return BlockResults(have.cameras, problem, tested.result, datum, findings, tested.restart, statements, zooms)
 
 
 def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:

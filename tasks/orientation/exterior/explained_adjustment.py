@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, OffsetAdjusted
+from orthomill.schemas.findings.block_findings import OffsetAdjusted
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice
@@ -16,8 +16,9 @@ from orthomill.tasks.orientation.block.assembly import Problem
 from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
 from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
-from orthomill.tasks.orientation.sources.block_sources import block_sources, with_offsets
+from orthomill.tasks.orientation.sources.block_sources import BlockSources, block_sources, with_offsets
 from orthomill.tasks.orientation.sources.causes import DETERMINED
+from orthomill.tasks.orientation.sources.elevation_model import ElevationModel
 from orthomill.tasks.orientation.sources.source_findings import offset_findings, offsets_of
 from orthomill.tasks.orientation.start.georeference import Datum
 
@@ -38,9 +39,18 @@ class AdjustmentStart:
         return adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
 
 
+@dataclass(frozen=True, eq=False)
+class ExplainedBlock:
+    """An adjusted block, the findings about the offsets that were adjusted, and what its sources say of it (None: a free block)."""
+
+    tested: Tested
+    found: tuple[OffsetAdjusted, ...] = ()
+    sources: BlockSources | None = None
+
+
 def explained(
-    start: AdjustmentStart, photos: Photos, problem: Problem, datum: Datum, shift: ShiftChoice
-) -> tuple[Tested, tuple[BlockFinding, ...]]:
+    start: AdjustmentStart, photos: Photos, problem: Problem, datum: Datum, shift: ShiftChoice, model: ElevationModel | None
+) -> ExplainedBlock:
     """The adjustment; with constant errors of the positions as unknowns where the sources contradict each other without, and the
     findings about these. Raises GeometryError as `adjust_tested`."""
     tested, failure = None, None
@@ -49,12 +59,10 @@ def explained(
     except GeometryError as error:
         # Sources that contradict each other are a likely cause: the start shows them as well.
         failure = error
-    sources = None
-    if shift == "auto":
-        sources = block_sources(photos, problem, datum, start.network, tested.result.state if tested else start.state)
-    if sources is not None and sources.has_offsets:
+    network, state = (tested.result.network, tested.result.state) if tested else (start.network, start.state)
+    sources = block_sources(photos, problem, datum, network, state, model)
+    if shift == "auto" and sources is not None and sources.has_offsets:
         try:
-            state = tested.result.state if tested else start.state
             given = problem.known.position - datum.origin, problem.known.position_sigma
             network, state = with_offsets(sources, start.network, state, *given)
             again = replace(start, network=network, state=state).adjusted(problem)
@@ -62,12 +70,13 @@ def explained(
             found = tuple(offset_findings(offsets, sources, problem.names, _heights(photos, problem)))
             # What looked like an offset may be gone with a camera constant that the adjustment has replaced.
             if tested is None or any(map(_stands_out, found)):
-                return again, found
+                after = block_sources(photos, problem, datum, again.result.network, again.result.state, model)
+                return ExplainedBlock(again, found, after)
         except GeometryError as error:
             failure = failure or error
     if tested is None:
         raise failure or GeometryError(UNDETERMINED)
-    return tested, ()
+    return ExplainedBlock(tested, (), sources)
 
 
 def _stands_out(found: OffsetAdjusted) -> bool:

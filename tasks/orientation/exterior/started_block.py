@@ -1,5 +1,7 @@
 """A block that starts with the approximate exterior orientation of a file, and is then adjusted like any other."""
 
+import numpy as np
+
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations
@@ -10,6 +12,7 @@ from orthomill.tasks.orientation.exterior.fixed_block import placed_block
 from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import upright_block
 from orthomill.tasks.orientation.results.block_tables import BlockTables
+from orthomill.tasks.orientation.sources.elevation_model import Lattice
 
 
 def orient_from(
@@ -22,6 +25,8 @@ def orient_from(
     crs: str,
     choices: BlockChoices,
     source: ForeignSource,
+    heights: np.ndarray | None = None,
+    lattice: Lattice | None = None,
 ) -> BlockTables:
     """The tables of `orient_block`, started from a foreign block; `texts`: the files of `source`. Photographs that the files lack
     join by their tie points; the cameras are the project's own.
@@ -30,4 +35,4 @@ def orient_from(
     """
     # Adjusted like any other block from here on: the file gives places to start from and no weights.
     start = placed_block(upright_block(read_foreign(texts, source, crs), photos), photos, cameras, source)
-    return orient_block(photos, cameras, tie_points, control, relative, crs, choices, start.poses)
+    return orient_block(photos, cameras, tie_points, control, relative, crs, choices, start.poses, heights, lattice)

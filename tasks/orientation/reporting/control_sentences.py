@@ -20,6 +20,7 @@ from orthomill.schemas.findings.control_findings import (
     PhotographsAbsent,
 )
 from orthomill.schemas.observations import Control
+from orthomill.tasks.orientation.control.control_heights import with_vertical
 
 GEOGRAPHIC = "EPSG:4326"
 ELSEWHERE = 100.0
@@ -161,12 +162,6 @@ def _about_zero(finding: HeightsAllZero) -> str:
     )
 
 
-def _compound(crs: str, vertical: int) -> str:
-    """The code of a system with a vertical part, that of an example where the system has no plain code."""
-    plain = crs.upper().startswith("EPSG:") and "+" not in crs
-    return f"{crs if plain else 'EPSG:26915'}+{vertical}"
-
-
 def height_sentence(finding: HeightsUnknown | HeightsInFeet | HeightsOfTwoSystems) -> str:
     """What was found about heights of surveyed points."""
     if isinstance(finding, HeightsUnknown):
@@ -176,12 +171,13 @@ def height_sentence(finding: HeightsUnknown | HeightsInFeet | HeightsOfTwoSystem
     if isinstance(finding, HeightsInFeet) and finding.converted:
         return (
             f"{finding.crs} is in feet, and the heights of the surveyed points were taken as feet, too ({finding.unit_m:.7f} m). "
-            f"If they are metres, name a system with a vertical part in metres (control > crs), as {_compound(finding.crs, 5703)}."
+            "If they are metres, name a system with a vertical part in metres (control > crs), as "
+            f"{with_vertical(finding.crs, 5703)}."
         )
     if isinstance(finding, HeightsInFeet):
         return (
             "The surveyed points lie above all cameras as metres, and below them as feet: their heights seem to be in feet. "
-            f"Convert them, or name a system with a vertical part in feet (control > crs), as {_compound(finding.crs, 6360)}."
+            f"Convert them, or name a system with a vertical part in feet (control > crs), as {with_vertical(finding.crs, 6360)}."
         )
     if finding.shift_m is None:
         return (

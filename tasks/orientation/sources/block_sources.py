@@ -6,16 +6,17 @@ import numpy as np
 
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.adjustment.model.interior import given_sigmas
-from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.whole_block import WholeMotion
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.orientation.block.assembly import MEETING, Problem
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.sources.causes import Findings, Groups, causes_of
-from orthomill.tasks.orientation.sources.evidence import Told, equations
+from orthomill.tasks.orientation.sources.elevation_model import ElevationModel
+from orthomill.tasks.orientation.sources.evidence import Source, Told, equations
+from orthomill.tasks.orientation.sources.hypotheses import Offset
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
-from orthomill.tasks.orientation.sources.robust_motion import Offset
 from orthomill.tasks.orientation.sources.source_table import Said, source_table
 from orthomill.tasks.orientation.start.georeference import FAR, Datum
 
@@ -30,20 +31,23 @@ PARALLEL, PARALLEL_LEAST, STEEP = 4.0, 6, 25.0
 vertical; and how many photographs show that"""
 IN_IMAGE = np.array([0.5, 0.5, 1.5])
 """Standard errors of a control point that rays place, in pixels on the ground: heights are less precise than plan."""
+GROUND_POINTS = 500
+"""Tie points that stand for the ground where it is compared with an elevation model."""
 LEAST_SHARE = 1e-4
 """Smallest standard error of a camera constant, in units of it; a constant that is held is not known without error."""
 
 
 @dataclass(frozen=True, eq=False)
 class BlockSources:
-    """The block as a rigid body, what the sources say, which causes explain their contradictions, the table of what each says, and
-    how the photographs belong together."""
+    """The block as a rigid body, what the sources say, which causes explain their contradictions, the table of what each says,
+    how the photographs belong together, and the height (m) of the origin of local coordinates."""
 
     block: RigidBlock
     told: Told
     found: Findings
     table: tuple[Said, ...]
     groups: Groups
+    height_origin: float
 
     @property
     def has_offsets(self) -> bool:
@@ -55,27 +59,25 @@ class BlockSources:
         they have in common is no error of their difference. Empty for the offset of all, whose common error counts."""
         place, after = len(self.found.after.parameters), self.found.after
         for cause in reversed(self.found.causes):
-            place -= _numbers(cause)
+            place -= cause.numbers
             if isinstance(cause, Offset) and not cause.photos.all() and (cause.photos == photos).all():
                 return {axis: float(np.sqrt(after.covariance[place + i, place + i])) for i, axis in enumerate(cause.axes)}
         return {}
 
 
-def block_sources(photos: Photos, problem: Problem, datum: Datum, network: Network, state: State) -> BlockSources | None:
-    """What the sources say of a block with this `state`, as `network` gives them; None for a free network."""
+def block_sources(
+    photos: Photos, problem: Problem, datum: Datum, network: Network, state: State, model: ElevationModel | None = None
+) -> BlockSources | None:
+    """What the sources say of a block with this `state`, as `network` gives them, and an elevation model; None for a free
+    network."""
     if datum.free or not problem.known.positioned.any():
         return None
     rows = [photos[name] for name in problem.names]
     block = _rigid(problem, state)
-    told, groups = _told(problem, datum, network, state, rows, block), _groups(rows)
+    told, groups = replace(_told(problem, datum, network, state, rows, block), model=model), _groups(rows)
     found = causes_of(block, told, groups, datum.origin)
-    return BlockSources(block, told, found, tuple(_table(block, found)), groups)
-
-
-def _table(block: RigidBlock, found: Findings) -> list[Said]:
-    at = equations(block, found.told)
-    A = np.hstack([at.A, *(cause.columns(block, at) for cause in found.causes)])
-    return source_table(at, A, found.after)
+    table = tuple(source_table(block, equations(block, found.told), found.after, found.causes, groups))
+    return BlockSources(block, told, found, table, groups, float(datum.origin[2]))
 
 
 def _rigid(problem: Problem, state: State) -> RigidBlock:
@@ -94,7 +96,17 @@ def _rigid(problem: Problem, state: State) -> RigidBlock:
     own = replace(own, point=(own.point - problem.ties).astype(np.int32))
     found = approximate_points(state, problem.cameras, problem.camera_of, own, len(problem.surveyed))
     place = np.where((found.missed > MEETING)[:, None], np.nan, found.point)
-    return RigidBlock(state.centre, state.rotation, depth, problem.camera_of, place, float(np.median(depth / constant)))
+    return RigidBlock(
+        state.centre, state.rotation, depth, problem.camera_of, place, float(np.median(depth / constant)), _ground(state, rays)
+    )
+
+
+def _ground(state: State, rays: Rays) -> np.ndarray:
+    """(g, 3) tie points in three photographs or more, or in two where there are too few of these; not all of many."""
+    count = np.bincount(rays.point, minlength=len(state.point))
+    sure = np.flatnonzero(count >= 3)
+    sure = sure if len(sure) >= GROUND_POINTS else np.flatnonzero(count >= 2)
+    return state.point[sure[:: max(len(sure) // GROUND_POINTS, 1)]]
 
 
 def _told(problem: Problem, datum: Datum, network: Network, state: State, rows: list[Photo], block: RigidBlock) -> Told:
@@ -178,7 +190,7 @@ def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
     photos = len(sources.block.centre)
     contains = np.zeros((photos, 3, 0), bool)
     values: list[float] = []
-    place = len(sources.found.after.parameters) - sum(_numbers(cause) for cause in sources.found.causes)
+    place = len(sources.found.after.parameters) - sum(cause.numbers for cause in sources.found.causes)
     for cause in sources.found.causes:
         if isinstance(cause, Offset):
             for i, axis in enumerate(cause.axes):
@@ -186,7 +198,7 @@ def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
                 own[cause.photos, axis] = True
                 contains = np.concatenate([contains, own], axis=2)
                 values.append(float(sources.found.after.parameters[place + i]))
-        place += _numbers(cause)
+        place += cause.numbers
     # Coordinates with the same causes share an unknown.
     patterns, number = np.unique(
         np.concatenate([np.tile(np.arange(3), photos)[:, None], contains.reshape(-1, len(values))], axis=1),
@@ -196,10 +208,6 @@ def shifts_of(sources: BlockSources) -> tuple[np.ndarray, np.ndarray]:
     used = patterns[:, 1:].any(axis=1)
     column = np.where(used, np.cumsum(used) - 1, -1)
     return column[number.ravel()].reshape(photos, 3), (patterns[used, 1:] @ np.array(values)).astype(float)
-
-
-def _numbers(cause: object) -> int:
-    return len(cause.axes) if isinstance(cause, Offset) else 1
 
 
 def _agreeing(sources: BlockSources) -> np.ndarray:
@@ -212,7 +220,7 @@ def _agreeing(sources: BlockSources) -> np.ndarray:
     sigma = has.sigma * np.array([after.scale[source] for source in after.scale])[has.source]
     far = np.abs(has.y - A @ rest) > np.maximum(FAR * np.maximum(sigma, has.sigma), FAR * sources.block.pixel)
     good = np.ones(len(sources.block.centre), bool)
-    good[has.photo[far & (has.photo >= 0) & (has.source != 3)]] = False
+    good[has.photo[far & (has.photo >= 0) & (has.source != Source.ATTITUDE)]] = False
     return good
 
 

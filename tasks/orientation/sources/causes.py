@@ -1,8 +1,9 @@
 """Why sources contradict each other: hypotheses are tried, and the one that explains most is kept if chance does not.
 
 Tried are constant errors of the positions (of a flight, or from one photograph in the order of exposure to another; in height alone
-or in all coordinates; of all positions against the control), other camera constants of such photographs, and units of length of the
-control. The likelihood of each is compared with that of the sources as given; several causes are found one after the other.
+or in all coordinates; of all positions against the control), other camera constants of such photographs, a bend of the block, and
+units of length of the control. The likelihood of each is compared with that of the sources as given; several causes are found one
+after the other.
 """
 
 from collections.abc import Iterator
@@ -14,13 +15,16 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from orthomill.tasks.orientation.sources.evidence import Source, Told
+from orthomill.tasks.orientation.sources.hypotheses import Bend, Cause, Offset, Zoom
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
-from orthomill.tasks.orientation.sources.robust_motion import Cause, Explained, Offset, explained
+from orthomill.tasks.orientation.sources.robust_motion import Explained, explained
 
 CHANCE = 1e-4
 """Probability that chance explains as much as a cause does, for all hypotheses together, from which on the cause is believed."""
 JUMPS = 3
 """Places in the order of exposure, the largest jumps of the positions in height and in plan, between which offsets are tried."""
+FEWEST_BENT = 8
+"""Positions from which on a bend of the block can be told from single wrong ones."""
 LEAST = 3
 """Photographs of an offset that no tag gives a reason for; the others must be as many."""
 CLEAR = 3.0
@@ -33,8 +37,13 @@ UNTOLD_PIXELS = 20.0
 """The same of offsets that no tag gives a reason for: a block that is bent by some pixels looks like one that is broken in two."""
 FARTHEST = 1000.0
 """m: positions that are farther off are of another place, and not those of this block with an error."""
+HIGHEST = 9000.0
+"""m: heights above the place of take-off that stand for heights above the sea miss no more than the highest ground."""
 NEEDED = 16.0
 """What a cause has to explain beside the others, in squares of standard errors."""
+ALIKE = 9.0
+"""Less than this, in squares of standard errors, does not tell another camera constant from an offset; the offset is the plainer
+cause."""
 SEVERAL = 4
 """Causes that are looked for one after the other."""
 UnitName = Literal["feet", "metres"]
@@ -68,25 +77,37 @@ class Unit:
 @dataclass(frozen=True, eq=False)
 class Findings:
     """The causes that were found, the unit of the control where it is not metres, what the sources say as given (`before`) and with
-    the causes (`after`), and what they say then (`told`)."""
+    the causes (`after`), what they say then (`told`), and the other camera constants with their shares that explain what the causes
+    do (`zooms`), which the photographs themselves have to decide."""
 
     causes: tuple[Cause, ...]
     unit: Unit | None
     before: Explained
     after: Explained
     told: Told
+    zooms: tuple[tuple[Zoom, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A hypothesis beside the causes found before, and what remains after it; how many `numbers` it has, and how probable it is
-    that chance explains as much."""
+    """A hypothesis beside the causes found before, and what remains after it; the `last` of the causes (None: a unit is tried), and
+    how probable it is that chance explains as much."""
 
     causes: tuple[Cause, ...]
     unit: Unit | None
     result: Explained
-    numbers: int
+    last: Cause | None
     chance: float
+
+    @property
+    def numbers(self) -> int:
+        """How many parameters it adds."""
+        return 1 if self.last is None else self.last.numbers
+
+    @property
+    def zoom(self) -> tuple[Zoom, float] | None:
+        """Another camera constant, where it is what the trial adds, with its share."""
+        return (self.last, float(self.result.parameters[-1])) if isinstance(self.last, Zoom) else None
 
 
 def causes_of(block: RigidBlock, told: Told, groups: Groups, origin: np.ndarray) -> Findings:
@@ -95,15 +116,30 @@ def causes_of(block: RigidBlock, told: Told, groups: Groups, origin: np.ndarray)
     before = now = explained(block, told)
     causes: tuple[Cause, ...] = ()
     unit: Unit | None = None
+    zooms: list[tuple[Zoom, float]] = []
     for _ in range(SEVERAL):
         trials = list(_trials(block, told, groups, origin, now, causes, unit))
         found = [trial for trial in trials if trial.chance * len(trials) < CHANCE and _matters(block, groups, trial)]
         if not found:
             break
-        best = min(found, key=lambda trial: trial.result.misfit + trial.numbers * np.log(len(now.has.y)))
+        count = len(now.has.y)
+        best = min(found, key=lambda trial: _cost(trial, count))
+        zooms += [other.zoom for other in trials if other.zoom and _rivals(other, best, now)]
         causes, unit, now = best.causes, best.unit, best.result
         causes, now = _needed(block, told if unit is None else _in_metres(told, unit, origin), causes, now)
-    return Findings(causes, unit, before, now, told if unit is None else _in_metres(told, unit, origin))
+    return Findings(causes, unit, before, now, told if unit is None else _in_metres(told, unit, origin), tuple(zooms))
+
+
+def _rivals(other: _Trial, best: _Trial, now: Explained) -> bool:
+    """Whether another trial of the same photographs explains at least half of what the best does."""
+    photos = [trial.last.photos for trial in (other, best) if isinstance(trial.last, Offset | Zoom)]
+    gains = [now.misfit - trial.result.misfit for trial in (other, best)]
+    return len(photos) == 2 and bool((photos[0] == photos[1]).all()) and gains[0] > 0.5 * gains[1]
+
+
+def _cost(trial: _Trial, equations: int) -> float:
+    """What speaks against a trial: what it leaves unexplained, and how many numbers it takes."""
+    return trial.result.misfit + trial.numbers * float(np.log(equations)) + ALIKE * (trial.zoom is not None)
 
 
 def _needed(block: RigidBlock, told: Told, causes: tuple[Cause, ...], now: Explained) -> tuple[tuple[Cause, ...], Explained]:
@@ -127,7 +163,7 @@ def _trials(
 ) -> Iterator[_Trial]:
     has_control = bool((now.has.source == Source.CONTROL).any())
     own = told if unit is None else _in_metres(told, unit, origin)
-    for cause in _offsets(block, told, groups, now, causes, has_control):
+    for cause in (*_of_photographs(told, groups, now, causes, has_control), *_bends(told, causes)):
         yield _trial(now, explained(block, own, (*causes, cause), now), (*causes, cause), unit, cause)
     if has_control and unit is None:
         for name, heights_only in ((name, heights) for name in UNITS for heights in (True, False)):
@@ -135,29 +171,38 @@ def _trials(
             yield _trial(now, explained(block, _in_metres(told, other, origin), causes), causes, other, None)
 
 
-def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Unit | None, cause: Offset | None) -> _Trial:
-    gain = max(now.misfit - then.misfit, 0.0)
-    numbers = 1 if cause is None else len(cause.axes)
-    if cause is None or cause.photos.all():
-        return _Trial(causes, unit, then, numbers, float(chdtrc(numbers, gain)))
-    stated = now.stated - then.stated
+def _bends(told: Told, causes: tuple[Cause, ...]) -> tuple[Bend, ...]:
+    enough = told.positioned.sum() >= FEWEST_BENT and not any(isinstance(cause, Bend) for cause in causes)
+    return (Bend(),) if enough else ()
+
+
+def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Unit | None, cause: Cause | None) -> _Trial:
+    return _Trial(causes, unit, then, cause, _chance(now, then, cause))
+
+
+def _chance(now: Explained, then: Explained, cause: Cause | None) -> float:
+    """How probable it is that chance explains as much as a cause (None: a unit)."""
+    gain, stated = max(now.misfit - then.misfit, 0.0), now.stated - then.stated
+    numbers = 1 if cause is None else cause.numbers
+    if cause is None or (isinstance(cause, Offset) and cause.photos.all()):
+        return float(chdtrc(numbers, gain))
     if stated > 0.5 * gain:
-        return _Trial(causes, unit, then, numbers, float(chdtrc(numbers, min(stated, gain))))
+        return float(chdtrc(numbers, min(stated, gain)))
     # The scatter of the positions is estimated from themselves: few of them show little.
-    height = now.has.source == Source.HEIGHT
-    count = int(height.sum()) - 3 if numbers == 1 else 3 * int(height.sum()) - 7
+    height = int((now.has.source == Source.HEIGHT).sum())
+    count = height - 3 if numbers == 1 else 3 * height - 7
     left = count - numbers
     if left < 1:
-        return _Trial(causes, unit, then, numbers, 1.0)
+        return 1.0
     ratio = np.expm1(min(gain / count, 500.0)) * left / numbers
-    return _Trial(causes, unit, then, numbers, float(fdtrc(numbers, left, ratio)))
+    return float(fdtrc(numbers, left, ratio))
 
 
-def _offsets(
-    block: RigidBlock, told: Told, groups: Groups, now: Explained, causes: tuple[Cause, ...], has_control: bool
-) -> Iterator[Offset]:
-    """The constant errors of positions that are tried beside those found already."""
-    has, known = told.positioned, [cause.photos for cause in causes if isinstance(cause, Offset)]
+def _of_photographs(
+    told: Told, groups: Groups, now: Explained, causes: tuple[Cause, ...], has_control: bool
+) -> Iterator[Offset | Zoom]:
+    """The constant errors of positions, and other camera constants, that are tried beside the causes found already."""
+    has, known = told.positioned, [cause.photos for cause in causes if isinstance(cause, Offset | Zoom)]
     masks = [has] if has_control else []
     masks += list(_flights(groups, has)) + list(_ranges(groups, has, now))
     tried: list[np.ndarray] = []
@@ -165,8 +210,12 @@ def _offsets(
         if not mask.any() or any((mask == other).all() for other in (*tried, *known)):
             continue
         tried.append(mask)
+        everything = bool((mask == has).all())
         for axes in ((2,), (0, 1, 2)):
-            yield Offset(np.ones_like(mask) if (mask == has).all() else mask, axes)
+            yield Offset(np.ones_like(mask) if everything else mask, axes)
+        # Positions that agree to decimetres show camera constants; that of all photographs is one of the sources.
+        if not everything and mask.sum() >= LEAST:
+            yield Zoom(mask)
 
 
 def _flights(groups: Groups, has: np.ndarray) -> Iterator[np.ndarray]:
@@ -215,19 +264,23 @@ def _without_motion(now: Explained) -> np.ndarray:
 
 def _matters(block: RigidBlock, groups: Groups, trial: _Trial) -> bool:
     """Whether the last cause of a trial is large enough to be told."""
-    if not trial.causes or trial.numbers == 0 or not isinstance(trial.causes[-1], Offset):
+    cause, result = trial.last, trial.result
+    if cause is None:
         return True
-    cause = trial.causes[-1]
-    own = slice(-len(cause.axes), None)
-    size = float(np.abs(trial.result.parameters[own]).max())
-    if size > FARTHEST or size < DETERMINED * np.sqrt(np.diag(trial.result.covariance)[own].max()):
+    own = slice(-cause.numbers, None)
+    size, sigma = np.abs(result.parameters[own]), np.sqrt(np.diag(result.covariance)[own])
+    if size.max() < DETERMINED * sigma.max():
         return False
-    if cause.photos.all():
-        return bool(size > PIXELS * block.pixel)
+    if isinstance(cause, Bend):
+        return bool(size[0] > PIXELS * block.pixel)
+    metres = float(size.max()) * (float(np.median(block.depth[cause.photos])) if isinstance(cause, Zoom) else 1.0)
+    if isinstance(cause, Offset) and cause.photos.all():
+        return PIXELS * block.pixel < metres < (FARTHEST if cause.numbers > 1 else HIGHEST)
+    if metres > FARTHEST:
+        return False
     inside = np.unique(groups.flight[cause.photos])
     of_flights = not np.isin(groups.flight[~cause.photos], inside).any()
-    part = Source.HEIGHT if len(cause.axes) == 1 else Source.PLAN
-    has = trial.result.has
-    scatter = trial.result.scale[part] * float(np.median(has.sigma[has.source == part]))
+    part = Source.HEIGHT if cause.numbers == 1 else Source.PLAN
+    scatter = result.scale[part] * float(np.median(result.has.sigma[result.has.source == part]))
     least, clear = (PIXELS, 1.0) if of_flights else (UNTOLD_PIXELS, CLEAR)
-    return bool(size > max(least * block.pixel, clear * scatter))
+    return metres > max(least * block.pixel, clear * scatter)

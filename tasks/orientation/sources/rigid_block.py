@@ -5,7 +5,7 @@ with the shape, not with the block where the adjustment left it between them. Be
 camera constants count: another one changes how far the projection centres lie from the ground.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 class RigidBlock:
     """A block as its image measurements show it, local m: `centre` (P, 3), `rotation` (P, 3, 3) world to image, `depth` (P,) mean
     distance along the view to the ground, `camera` (P,) numbers of the cameras, `control` (n, 3) the control points by their rays
-    alone (NaN: without place), `pixel` m on the ground."""
+    alone (NaN: without place), `pixel` m on the ground, `ground` (g, 3) some of its tie points."""
 
     centre: np.ndarray
     rotation: np.ndarray
@@ -24,6 +24,7 @@ class RigidBlock:
     camera: np.ndarray
     control: np.ndarray
     pixel: float
+    ground: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def middle(self) -> np.ndarray:
@@ -43,5 +44,10 @@ class RigidBlock:
             return np.asarray(self.middle + motion[:3] + scale * (points - self.middle) @ turn.T)
 
         return replace(
-            self, centre=place(self.centre), rotation=self.rotation @ turn.T, depth=scale * self.depth, control=place(self.control)
+            self,
+            centre=place(self.centre),
+            rotation=self.rotation @ turn.T,
+            depth=scale * self.depth,
+            control=place(self.control),
+            ground=place(self.ground),
         )

@@ -2,7 +2,7 @@
 
 Residuals follow a t-distribution, so that single wrong positions, points or attitudes count little; its scale is estimated for each
 source along with the motion (expectation maximisation, Lange et al. 1989). Positions may scatter less than stated, because their
-stated errors are mostly common; control and attitudes are never better than stated.
+stated errors are mostly common; control, attitudes and an elevation model are never better than stated.
 """
 
 from dataclasses import dataclass
@@ -10,44 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.tasks.orientation.sources.evidence import MOTION, Equations, Source, Told, equations
+from orthomill.tasks.orientation.sources.hypotheses import Cause
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
 FREEDOM = 5.0
 """Degrees of freedom of the t-distribution of residuals: large errors are rare but not impossible."""
 STEPS, NEGLIGIBLE = 40, 1e-3
 """Steps of the estimation, and the change of all scales, as a share, below which it ends."""
-TAKEN = {Source.PLAN: 3, Source.HEIGHT: 3, Source.CONTROL: 0, Source.ATTITUDE: 0}
+TAKEN = {Source.PLAN: 3, Source.HEIGHT: 3, Source.CONTROL: 0, Source.ATTITUDE: 0, Source.MODEL: 0}
 """Parameters that a source alone determines and that take their share of its residuals."""
+STATED = (Source.CONTROL, Source.ATTITUDE, Source.MODEL)
+"""Sources that are as precise as stated at best"""
 OPEN = 1e-12
 """Weight, in units of the largest, of what nothing is known of: keeps equations solvable where no source sees a parameter."""
-
-
-@dataclass(frozen=True, eq=False)
-class Offset:
-    """A hypothesis: the positions of `photos` (P,) bool have a constant error in the coordinates `axes`."""
-
-    photos: np.ndarray
-    axes: tuple[int, ...]
-
-    def columns(self, block: RigidBlock, has: Equations) -> np.ndarray:
-        """(m, k) derivatives of the equations by its parameters."""
-        own = (has.photo >= 0) & (has.source != Source.ATTITUDE) & self.photos[has.photo]
-        return np.stack([own & (has.axis == axis) for axis in self.axes], axis=1).astype(float)
-
-
-@dataclass(frozen=True, eq=False)
-class Zoom:
-    """A hypothesis: the camera constant of `photos` (P,) bool is another one than that of the others."""
-
-    photos: np.ndarray
-
-    def columns(self, block: RigidBlock, has: Equations) -> np.ndarray:
-        """(m, 1) derivatives of the equations by the share of the difference."""
-        own = (has.photo >= 0) & (has.source != Source.ATTITUDE) & self.photos[has.photo]
-        return np.where(own, block.backwards[has.photo, has.axis], 0.0)[:, None]
-
-
-Cause = Offset | Zoom
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +97,7 @@ def _scales(has: Equations, v: np.ndarray, scale: dict[Source, float], pixel: fl
     for source in Source:
         own = has.source == source
         # The block itself is no better than a share of a pixel on the ground, and nothing of it shows less.
-        least = 1.0 if source in (Source.CONTROL, Source.ATTITUDE) or not own.any() else pixel / np.median(has.sigma[own])
+        least = 1.0 if source in STATED or not own.any() else pixel / np.median(has.sigma[own])
         found[source] = max(_spread(has, v, source, scale[source]), least)
     return found
 
@@ -155,7 +130,7 @@ def _misfits(has: Equations, v: np.ndarray, scale: dict[Source, float], total: n
             part = (FREEDOM + 1.0) * np.log1p(size**2 / FREEDOM).sum()
             part += 2.0 * max(int(own.sum()) - TAKEN[source], 0) * np.log(scale[source])
             value += part
-            stated += part if source in (Source.CONTROL, Source.ATTITUDE) else 0.0
+            stated += part if source in STATED else 0.0
     known = np.isfinite(has.expected_sigma)
     away = (total[: len(known)] - has.expected)[known] / has.expected_sigma[known]
     expected = (away**2).sum()

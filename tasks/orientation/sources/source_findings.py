@@ -15,17 +15,22 @@ from orthomill.schemas.findings.block_findings import (
     SourcesDisagree,
     UnitContradicted,
 )
+from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import PositionOffset, SourceStatement
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
+from orthomill.tasks.orientation.block.assembly import Problem
+from orthomill.tasks.orientation.block.own_constants import OwnConstant
 from orthomill.tasks.orientation.sources.block_sources import BlockSources
 from orthomill.tasks.orientation.sources.evidence import Source
-from orthomill.tasks.orientation.sources.source_table import Said
+from orthomill.tasks.orientation.sources.source_sentences import photographs
+from orthomill.tasks.orientation.sources.source_table import Parameter, Said
 
 SOURCES = {
     Source.PLAN: "positions in plan",
     Source.HEIGHT: "positions in height",
     Source.CONTROL: "control",
     Source.ATTITUDE: "attitudes",
+    Source.MODEL: "elevation model",
     None: "given camera constant",
 }
 DEGREE, PERCENT = float(np.degrees(1.0)), 100.0
@@ -45,17 +50,29 @@ PIXELS = 5.0
 """Shifts of so many pixels on the ground matter."""
 MATTERS = {"degrees": 1.0, "%": 1.0}
 """Differences that matter, in the unit of the parameter"""
+BEND, HEIGHT_OF = "bend", "height of"
+"""Names of the bend, and how those of the heights of flights begin: other findings are made of their contradictions, which know
+what matters of them"""
 
 
-def source_statements(sources: BlockSources | None, cameras: tuple[str, ...]) -> tuple[SourceStatement, ...]:
-    """The table of what each source says; `cameras`: names by number."""
-    return tuple(_statement(said, cameras) for said in sources.table) if sources else ()
+def source_statements(sources: BlockSources | None, problem: Problem) -> tuple[SourceStatement, ...]:
+    """The table of what each source says."""
+    return tuple(_statement(said, problem) for said in sources.table) if sources else ()
 
 
-def _statement(said: Said, cameras: tuple[str, ...]) -> SourceStatement:
-    motion = len(PARAMETERS)
-    of_camera = (f"camera constant of {cameras[said.parameter - motion]}", "%", PERCENT) if said.parameter >= motion else None
-    name, unit, factor = of_camera or PARAMETERS[said.parameter]
+def _named(parameter: Parameter, problem: Problem) -> tuple[str, str, float]:
+    """Name, unit and factor into that unit of a parameter."""
+    if parameter.kind == "motion":
+        return PARAMETERS[parameter.number]
+    if parameter.kind == "camera":
+        return f"camera constant of {problem.camera_names[parameter.number]}", "%", PERCENT
+    if parameter.photos is None:
+        return BEND, "m", 1.0
+    return f"{HEIGHT_OF} {photographs([problem.names[i] for i in np.flatnonzero(parameter.photos)])}", "m", 1.0
+
+
+def _statement(said: Said, problem: Problem) -> SourceStatement:
+    name, unit, factor = _named(said.parameter, problem)
     known = bool(np.isfinite(said.others_sigma))
     return SourceStatement(
         source=SOURCES[said.source],
@@ -72,7 +89,8 @@ def disagreements(statements: tuple[SourceStatement, ...], pixel: float) -> Iter
     """The largest contradiction of every parameter that is neither chance nor too small to matter; `pixel` m on the ground."""
     worst: dict[str, SourceStatement] = {}
     for row in statements:
-        if row.others is None or row.others_sigma is None or row.ratio is None:
+        elsewhere = row.parameter == BEND or row.parameter.startswith(HEIGHT_OF)
+        if elsewhere or row.others is None or row.others_sigma is None or row.ratio is None:
             continue
         matters = abs(row.value - row.others) > MATTERS.get(row.unit, PIXELS * pixel)
         before = worst[row.parameter].ratio if row.parameter in worst else CONTRADICTED
@@ -82,24 +100,40 @@ def disagreements(statements: tuple[SourceStatement, ...], pixel: float) -> Iter
         yield SourcesDisagree(**row.model_dump())
 
 
-def contradicted_sources(sources: BlockSources | None, statements: tuple[SourceStatement, ...]) -> tuple[BlockFinding, ...]:
-    """What the sources of the block as adjusted contradict each other in."""
+def own_constants(sources: BlockSources | None, names: tuple[str, ...]) -> tuple[OwnConstant, ...]:
+    """Photographs that may have been taken with other camera constants than the others of their cameras."""
+    found = sources.found.zooms if sources else ()
+    return tuple(OwnConstant(tuple(names[i] for i in np.flatnonzero(zoom.photos)), 1.0 + share) for zoom, share in found)
+
+
+def contradicted_sources(
+    sources: BlockSources | None, statements: tuple[SourceStatement, ...], control: Control
+) -> tuple[BlockFinding, ...]:
+    """What the sources of the block as adjusted contradict each other in; `control` as it was read."""
     if sources is None:
         return ()
-    units = tuple(unit_findings(sources))
+    units = tuple(unit_findings(sources, control))
     return units or tuple(disagreements(statements, sources.block.pixel))
 
 
-def unit_findings(sources: BlockSources) -> Iterator[UnitContradicted]:
-    """The unit in which the control fits, where that is not metres."""
+def unit_findings(sources: BlockSources, control: Control) -> Iterator[UnitContradicted]:
+    """The unit in which the control fits, where that is not metres; `control` as it was read."""
     unit, block = sources.found.unit, sources.block
     if unit is None:
         return
     placed = np.isfinite(block.control).all(axis=1)
     here = block.moved(sources.found.after.motion).control[placed, 2]
-    misfits = (np.abs(told.control[placed, 2] - here) for told in (sources.told, sources.found.told))
-    given, fits = (float(np.median(misfit)) for misfit in misfits)
-    yield UnitContradicted(unit=unit.name, heights_only=unit.heights_only, given_m=given, fits_m=fits)
+    heights = [told.control[placed, 2] for told in (sources.told, sources.found.told)]
+    given, fits = (float(np.median(np.abs(height - here))) for height in heights)
+    median = tuple(float(np.median(height)) + sources.height_origin for height in heights)
+    yield UnitContradicted(
+        unit=unit.name,
+        heights_only=unit.heights_only,
+        given_m=given,
+        fits_m=fits,
+        crs=control.read.crs if control.read else "",
+        heights_m=(median[0], median[1]),
+    )
 
 
 def offsets_of(result: Adjustment, names: tuple[str, ...]) -> tuple[PositionOffset, ...]:
@@ -127,7 +161,8 @@ def offset_findings(
     positioned = {name for name, has in zip(names, before.told.positioned, strict=True) if has}
     for photos in dict.fromkeys(offset.photos for offset in offsets):
         own = {offset.axis: offset for offset in offsets if offset.photos == photos}
-        by_scatter = before.offset_sigmas(np.isin(names, photos))
+        own_photos = np.isin(names, photos)
+        by_scatter = before.offset_sigmas(own_photos)
         yield OffsetAdjusted(
             photos=photos,
             against="control" if positioned <= set(photos) else "others",
@@ -136,7 +171,13 @@ def offset_findings(
             tilt_deg=float(np.degrees(np.linalg.norm(motion[3:5]))),
             moved_m=moved,
             heights=heights,
+            zoom=_zoom(before, own_photos),
         )
+
+
+def _zoom(sources: BlockSources, photos: np.ndarray) -> float | None:
+    """The factor of another camera constant of `photos` (P,) bool that would explain their offset."""
+    return next((1.0 + share for zoom, share in sources.found.zooms if (zoom.photos == photos).all()), None)
 
 
 def _by_axis(values: dict[int, float]) -> tuple[float | None, float | None, float | None]:

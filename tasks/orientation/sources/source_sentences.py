@@ -1,6 +1,9 @@
 """The words of the report for contradictions between sources."""
 
-from orthomill.schemas.findings.block_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted
+from collections.abc import Sequence
+
+from orthomill.schemas.findings.block_findings import ConstantOfItsOwn, OffsetAdjusted, SourcesDisagree, UnitContradicted
+from orthomill.tasks.orientation.control.control_heights import with_vertical
 
 HEIGHT = 2
 _KINDS = {
@@ -22,15 +25,30 @@ def offset_adjusted(finding: OffsetAdjusted) -> str:
             f"The {own}{kind} lie {size} the control{cause}: they were adjusted with one offset, and both keep their standard "
             f"errors. State the {compare} of each in the workflow, or correct one of them."
         )
+    zoomed = (
+        f" {finding.zoom:.3g} times the camera constant (zoom, a second camera) would put them there, too, but the photographs do "
+        "not show it."
+        if finding.zoom
+        else ""
+    )
     return (
-        f"The {own} of {_photographs(finding.photos)} lie {size} those of the others in the block: they were adjusted with an "
+        f"The {own} of {photographs(finding.photos)} lie {size} those of the others in the block: they were adjusted with an "
         f"offset of their own. Without it the block would be tilted by {finding.tilt_deg:.1f} degrees and lie up to "
-        f"{finding.moved_m:.1f} m elsewhere. Which of them are right the block cannot say: compare the heights of the flights, or "
-        "give control."
+        f"{finding.moved_m:.1f} m elsewhere.{zoomed} Which of them are right the block cannot say{_choice(finding)}: compare the "
+        "heights of the flights, or give control."
     )
 
 
-def _photographs(names: tuple[str, ...]) -> str:
+def _choice(finding: OffsetAdjusted) -> str:
+    """What the result would be if the positions with the offset were the right ones."""
+    height = finding.offset[HEIGHT]
+    if height is None:
+        return ""
+    return f" (if theirs are, all lies {abs(height):.2f} m {'higher' if height > 0 else 'lower'})"
+
+
+def photographs(names: Sequence[str]) -> str:
+    """Photographs in a row, by the first and the last of them."""
     return ", ".join(names) if len(names) < 3 else f"{names[0]} to {names[-1]} ({len(names)} photographs)"
 
 
@@ -47,14 +65,35 @@ def _vector(finding: OffsetAdjusted) -> str:
     return f"{', '.join(values)} away from"
 
 
+def constant_of_its_own(finding: ConstantOfItsOwn) -> str:
+    """Photographs with a camera of their own."""
+    factor = finding.c_px / finding.others_px
+    return (
+        f"{photographs(finding.photos)} were taken with {factor:.3g} times the camera constant of the other photographs of "
+        f"{finding.camera} ({finding.c_px:.0f} and {finding.others_px:.0f} px): zoom, another lens or a second camera of the model "
+        "that no tag tells. They were given a camera of their own. Without it, they seem to be taken from another height."
+    )
+
+
 def unit_contradicted(finding: UnitContradicted) -> str:
     """Control in feet that was taken for metres, or the other way round."""
+    feet = finding.unit == "feet"
     what = "heights of the control" if finding.heights_only else "coordinates of the control"
-    are = "in feet" if finding.unit == "feet" else "in metres that were taken for feet"
+    are = "in feet" if feet else "in metres that were taken for feet"
     return (
         f"The {what} are {are}: as given they miss the other sources by {finding.given_m:.1f} m in height, in that unit by "
-        f"{finding.fits_m:.1f} m. The block is wrong until the file states its unit (crs, with its vertical part) or is in metres."
+        f"{finding.fits_m:.1f} m. The block is wrong until the file states its unit or is in metres: {_unit_remedy(finding)}."
     )
+
+
+def _unit_remedy(finding: UnitContradicted) -> str:
+    """The setting that states the unit, and where the control lies with it."""
+    if not finding.heights_only:
+        return "name the system in which it was surveyed, with the unit that it really has (control > crs)"
+    code, unit = (6360, "US survey feet") if finding.unit == "feet" else (5703, "metres")
+    given, there = finding.heights_m or (0.0, 0.0)
+    heights = f"; its points then lie at {there:.1f} m instead of {given:.1f} m" if finding.heights_m else ""
+    return f"write crs: {with_vertical(finding.crs, code)} below control (heights in {unit}){heights}"
 
 
 def sources_disagree(finding: SourcesDisagree) -> str:
@@ -68,4 +107,4 @@ def sources_disagree(finding: SourcesDisagree) -> str:
     )
 
 
-SOURCE_SENTENCES = (offset_adjusted, unit_contradicted, sources_disagree)
+SOURCE_SENTENCES = (offset_adjusted, constant_of_its_own, unit_contradicted, sources_disagree)

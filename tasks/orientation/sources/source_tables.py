@@ -23,7 +23,8 @@ def _statements(sources: tuple[SourceStatement, ...]) -> Grid:
         rows=tuple((s.source, s.parameter, s.unit, s.value, s.sigma, s.others, s.others_sigma, s.ratio) for s in compared),
         note="By how much the block would have to change for a source alone to be right, and for all others without it. Attitudes "
         "turn with their mounting, positions share an error as large as is stated of them; both are in the standard errors. "
-        "Ratio: their difference in standard errors; beyond 3 sources contradict each other.",
+        "Bend: from the middle of the block to its ends. Height of a flight: by its own positions. Ratio: their difference in "
+        "standard errors; beyond 3 sources contradict each other.",
     )
 
 

@@ -113,8 +113,11 @@ SPOKEN = [
             sigma=(None, None, 0.41),
             tilt_deg=10.04,
             moved_m=9.6,
+            zoom=1.084,
         ),
         [
+            "1.08 times the camera constant (zoom, a second camera) would put them there, too",
+            "if theirs are, all lies 15.12 m higher",
             "heights of the positions of a to c (3 photographs) lie 15.12 m (standard error 0.41 m) above those of the others",
             "10.0 deg",
         ],
@@ -138,8 +141,22 @@ SPOKEN = [
         ["(the tags say: above the ellipsoid) lie 47.23 m (standard error 0.05 m) above the control", "both keep", "height system"],
     ),
     (
-        f.UnitContradicted(unit="feet", heights_only=True, given_m=368.2, fits_m=0.1),
-        ["heights of the control are in feet", "by 368.2 m", "by 0.1 m"],
+        f.UnitContradicted(unit="feet", heights_only=True, given_m=368.2, fits_m=0.1, crs="EPSG:26849", heights_m=(532.7, 162.4)),
+        [
+            "heights of the control are in feet",
+            "by 368.2 m",
+            "by 0.1 m",
+            "write crs: EPSG:26849+6360 below control (heights in US survey feet)",
+            "at 162.4 m instead of 532.7 m",
+        ],
+    ),
+    (
+        f.UnitContradicted(unit="metres", heights_only=True, given_m=36.2, fits_m=0.1, crs="EPSG:26849+6360"),
+        ["metres that were taken for feet", "+5703 below control (heights in metres)."],
+    ),
+    (
+        f.ConstantOfItsOwn(photos=("a", "b", "c"), camera="cam", c_px=1725.0, others_px=1150.0),
+        ["a to c (3 photographs)", "1.5 times the camera constant", "of cam (1725 and 1150 px)", "a camera of their own"],
     ),
     (
         f.UnitContradicted(unit="metres", heights_only=False, given_m=36.2, fits_m=0.1),

@@ -5,21 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from orienting import orient, sentences
-from simulated_block import DRONE, simulate, view
+from simulated_block import DRONE, simulate, surface, view
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
+from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.orientation.sources.elevation_model import Lattice
 
 
-def grid(seed, strips=3, per_strip=5, **options):
-    """Strips of a drone, flown to and fro, with the attitudes of a gimbal."""
+def grid(seed, strips=3, per_strip=5, camera=lambda strip: DRONE, **options):
+    """Strips of a drone, flown to and fro, with the attitudes of a gimbal; `camera` by strip."""
     rng = np.random.default_rng(3000 + seed)
     places = [(s, i if s % 2 == 0 else per_strip - 1 - i) for s in range(strips) for i in range(per_strip)]
     views = [
         view(
             f"s{s}_{n % per_strip}",
-            DRONE,
+            camera(s),
             np.array([407000 + 15 * i, 4357000 + 30 * s, 180]) + rng.normal(0, 0.5, 3),
             (*rng.normal(0, 1, 2), 90 + 180 * (s % 2) + rng.normal(0, 2)),
         )
@@ -103,3 +105,38 @@ def test_control_in_feet_is_named_and_no_right_point_blamed():
 def test_without_offsets_nothing_is_adjusted():
     out = orient(shifted(grid(3, control=5), 0, (0.0, 0.0, 47.23)), gnss_shift="none")
     assert not of_code(out, "offset_adjusted") and not out["precision"].offsets
+
+
+@pytest.mark.parametrize("factor", [1.5, 1.06])
+def test_strips_with_another_camera_constant_get_a_camera_of_their_own(factor):
+    zoomed = DRONE.changed(c=factor * DRONE.c)
+    block = grid(6, strips=4, gnss=0.1, camera=lambda strip: zoomed if strip >= 2 else DRONE)
+    out = orient(changed(block, lambda i, photo: {"position_sigma": (3.0, 3.0, 5.0)}))
+    (found,) = of_code(out, "constant_of_its_own")
+    assert found.photos == tuple(v.name for v in block.views[10:])
+    assert found.c_px / found.others_px == pytest.approx(factor, rel=0.01)
+    assert not of_code(out, "offset_adjusted") and len(out["block"].photos) == 20
+    assert np.abs(errors(block, out) - np.median(errors(block, out), axis=0)).max() < 0.5
+    assert len(set(out["block"].of_photo.values())) == 2
+
+
+def test_heights_above_the_take_off_written_as_above_the_sea_are_one_offset():
+    block = shifted(grid(3, gnss=3.0, control=5), 0, (0.0, 0.0, -2490.0))
+    out = orient(changed(block, lambda i, photo: {"height_kind": "relative"}))
+    (found,) = of_code(out, "offset_adjusted")
+    assert found.against == "control" and abs(found.offset[2] + 2490.0) < 4 * found.sigma[2]
+    assert np.abs(errors(block, out)).max() < 1.0 and not of_code(out, "positions_elsewhere")
+    assert any("above the place of take-off" in sentence for sentence in sentences(out["precision"]))
+
+
+@pytest.mark.parametrize(("raised", "told"), [(0.0, 0), (47.0, 1)])
+def test_an_elevation_model_is_a_source_of_heights(raised, told):
+    block = grid(3, gnss=2.0)
+    x, y = np.meshgrid(np.arange(406900, 407200, 2.0) + 1.0, np.arange(4357300, 4356900, -2.0) - 1.0)
+    grid_ = MapGrid(west=406900.0, north=4357300.0, cell=2.0, rows=x.shape[0], cols=x.shape[1])
+    heights = surface(x - 407000, y - 4357000, 80.0) - raised
+    out = orient(block, heights=heights, lattice=Lattice(grid_, 0.5))
+    rows = {(row.source, row.parameter): row for row in out["precision"].sources}
+    row = rows["elevation model", "shift in height"]
+    assert row.value - row.others == pytest.approx(-raised, abs=8.0) and row.sigma < 1.0
+    assert len(of_code(out, "sources_disagree")) == told

@@ -10,12 +10,14 @@ from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 
-def orient(block, given=None, relative=None, **changes):
-    """The tables of the stage; `relative`: the related pairs, where they are known already."""
+def orient(block, given=None, relative=None, heights=None, lattice=None, **changes):
+    """The tables of the stage; `relative`: the related pairs, where they are known already; `heights` on a `lattice` of an
+    elevation model."""
     usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": "auto", "vertical_sigma": 5.0, "rejection": 4.0}
     relative = relative or relate_pairs(block.photos, block.cameras, block.tie_points, 15)
     choices = BlockChoices(**(usual | changes))
-    out = orient_block(block.photos, block.cameras, block.tie_points, block.control, relative, "EPSG:2100", choices, given)
+    measured = block.photos, block.cameras, block.tie_points, block.control, relative
+    out = orient_block(*measured, "EPSG:2100", choices, given, heights, lattice)
     return out._asdict() | {"relative": relative}
 
 
