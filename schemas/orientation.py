@@ -279,6 +279,19 @@ class PositionOffset(BaseModel):
     sigma: float
 
 
+class LeverArm(BaseModel):
+    """From the projection centre to the antenna of one of several receivers, in the image system, m: x right,
+    y up, z backwards."""
+
+    model_config = ConfigDict(frozen=True)
+
+    receiver: str
+    """serial number of the camera or its drone; "" for photographs without one"""
+    value: tuple[float, float, float]
+    sigma: tuple[float, float, float] | None = None
+    """None: taken as exactly known"""
+
+
 class LargestResidual(BaseModel):
     """One of the image measurements with the largest standardised residuals, of those that took part."""
 
@@ -320,6 +333,8 @@ class BlockPrecision(BaseModel):
     lever_arm: tuple[float, float, float] | None = None
     """from the projection centre to the antenna in the image system (x right, y up, z backwards), m; None: not used"""
     lever_arm_sigma: tuple[float, float, float] | None = None
+    lever_arms: tuple[LeverArm, ...] = ()
+    """those of several receivers, instead of one for all"""
     offsets: tuple[PositionOffset, ...] = ()
     """constant errors of positions, where they are not one common shift"""
     sources: tuple[SourceStatement, ...] = ()

@@ -100,7 +100,8 @@ class OrientationStage(Stage):
     )
     lever_sigma: float | None = setting(
         None,
-        "Standard error of the lever arm, which is then adjusted; 0: exactly known, not adjusted; null: 0.05 m for positions that "
+        "Standard error of the lever arm, which is then adjusted, that of each drone (by its serial number) for itself; 0: exactly "
+        "known, not adjusted; null: 0.05 m for positions that "
         "are more precise than that in plan, else 0.",
         "m",
         ge=0,

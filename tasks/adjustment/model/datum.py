@@ -66,7 +66,7 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
 
 def antennas(network: Network, state: State) -> np.ndarray:
     """(P, 3) m where positions are observed: projection centre + lever arm + shift."""
-    turned = state.centre + np.einsum("pji,j->pi", state.rotation, state.lever)
+    turned = state.centre + np.einsum("pji,pj->pi", state.rotation, network.levers(state.lever))
     # The 0 appended is the shift of what has none.
     return turned + np.append(state.shift, 0.0)[network.shift] if network.shifts else turned
 
@@ -89,11 +89,12 @@ def position_derivatives(network: Network, state: State, photos: np.ndarray) -> 
     turned = state.rotation[photos].transpose(0, 2, 1)
     # The antenna depends on the rotation only through the lever arm; without one these columns would be zeros.
     if state.lever.any() or len(network.lever_columns):
-        blocks.append(turned @ skew(state.lever))
+        levers = network.levers(state.lever)[photos]
+        blocks.append(turned @ np.array([skew(lever) for lever in levers]).reshape(-1, 3, 3))
         columns.append(6 * photos[:, None] + 3 + np.arange(3))
     if len(network.lever_columns):
         blocks.append(turned)
-        columns.append(np.broadcast_to(network.lever_columns, (len(photos), 3)))
+        columns.append(network.levers(network.lever_columns)[photos])
     if network.shifts:
         blocks.append(alike)
         columns.append(np.append(network.shift_columns, -1)[network.shift[photos]])
@@ -129,7 +130,8 @@ def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tu
     if len(network.variation):
         yield _variation(network, state)
     if len(network.lever_columns):
-        yield network.lever_columns[None], np.eye(3)[None], np.diag(network.lever_weight)[None], (network.lever - state.lever)[None]
+        alike = np.broadcast_to(np.eye(3), (len(network.lever), 3, 3))
+        yield network.lever_columns, alike, alike * network.lever_weight, network.lever - state.lever
     if len(network.kept):
         weight = (factors.point[:, None] * network.point_weight)[network.kept]
         alike = np.broadcast_to(np.eye(3), (len(network.kept), 3, 3))

@@ -4,7 +4,7 @@ Coordinates are local (a constant offset near the block is subtracted first), so
 Rotations are corrected by small rotation vectors in the image system, for which no attitude is singular; reports print angles.
 
 Order of the unknowns of the reduced system: six per photograph (X, Y, Z, three rotations), then the free interior parameters, the
-shifts of the GNSS positions, the lever arm of the antenna, and the points that are kept (ends of measured distances, and points
+shifts of the GNSS positions, the lever arms of the antennas, and the points that are kept (ends of measured distances, and points
 whose joint covariance is needed). All other points are eliminated.
 """
 
@@ -40,22 +40,22 @@ class Rays:
 @dataclass(frozen=True, eq=False)
 class State:
     """Values of the unknowns: `rotation` (P, 3, 3), `centre` (P, 3), `point` (N, 3), `interior` (C, k) the first k of INTERIOR,
-    `shift` (S,) m of the positions, `lever` (3,) m from the projection centre to the antenna in the image system (x right, y up, z
-    backwards);
-    `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by default; `variation` (P, k) how the
-    interior orientation of each photograph differs from that of its camera (None: not at all)."""
+    `shift` (S,) m of the positions, `lever` (G, 3) m from the projection centre to the antenna of each receiver in the image
+    system (x right, y up, z backwards); `lens` (C,) the codes of the lens models (geometry/distortion.py), Brown's for all by
+    default; `variation` (P, k) how the interior orientation of each photograph differs from that of its camera (None: not at
+    all)."""
 
     rotation: np.ndarray
     centre: np.ndarray
     point: np.ndarray
     interior: np.ndarray
     shift: np.ndarray
-    lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lever: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     lens: np.ndarray | None = None
     variation: np.ndarray | None = None
 
     def with_antenna(self, network: "Network", shift: np.ndarray | None = None) -> "State":
-        """The state with the lever arm of a network, and with its shifts (S,) m, which are 0 where none are given."""
+        """The state with the lever arms of a network, and with its shifts (S,) m, which are 0 where none are given."""
         return replace(self, lever=network.lever, shift=np.zeros(network.shifts) if shift is None else shift)
 
 
@@ -129,7 +129,8 @@ class Network:
     of the verticality constraint, whose expected direction is `up` (3,) or (P, 3) in the image system: (0, 0, 1) for a photograph
     that looks straight down; shift (P, 3): the number of the unknown shift that each coordinate of a GNSS position contains (-1:
     none), ascending from 0, those of one flight for instance; free: no datum, inner constraints instead.
-    lever (3,) m as in `State`, an unknown where lever_weight (3,) 1/m^2 is above 0; kept (K,) ascending numbers of the points that
+    lever (G, 3) m as in `State`, unknowns where lever_weight (3,) 1/m^2 is above 0; receiver (P,): numbers of the receivers, one
+    for each drone (empty: one for all); kept (K,) ascending numbers of the points that
     stay among the unknowns, the ends of `distances` among them; named: numbers of points that a person measured in the
     photographs, in addition to those with known coordinates; variation: interior parameters that each photograph has for itself.
     """
@@ -143,21 +144,30 @@ class Network:
     vertical_weight: np.ndarray
     shift: np.ndarray = field(default_factory=lambda: NOT_SHIFTED)
     free: bool = False
-    lever: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    lever: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     lever_weight: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    receiver: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     kept: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     distances: Distances = NO_DISTANCES
     named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     variation: Variation = NO_VARIATION
 
-    def with_antenna(self, lever: Sequence[float], sigma: float, shift: np.ndarray) -> "Network":
-        """The network whose positions are those of an antenna: its lever arm (3,) m with a standard error (0: exactly known), and
-        the shifts (P, 3) as in `Network`. A free network has neither."""
+    def with_antenna(
+        self, lever: Sequence[float], sigma: float, shift: np.ndarray, receiver: np.ndarray | None = None
+    ) -> "Network":
+        """The network whose positions are those of antennas: their lever arm (3,) m with a standard error (0: exactly known), the
+        shifts (P, 3) and the receivers (P,) as in `Network`. A free network has neither."""
         if self.free or not self.centre_weight.any():
             return self
         weight = np.full(3, 1.0 / sigma**2 if sigma > 0 else 0.0)
-        return replace(self, lever=np.array(lever, float), lever_weight=weight, shift=shift)
+        own = np.zeros(0, np.int64) if receiver is None else receiver
+        levers = np.tile(np.array(lever, float), (int(own.max(initial=0)) + 1, 1))
+        return replace(self, lever=levers, lever_weight=weight, shift=shift, receiver=own)
+
+    def levers(self, lever: np.ndarray) -> np.ndarray:
+        """(P, 3) of each photograph, of values (G, 3) of the receivers."""
+        return lever[self.receiver] if len(self.receiver) else np.broadcast_to(lever[0], (self.photos, 3))
 
     @property
     def pointed(self) -> np.ndarray:
@@ -203,9 +213,13 @@ class Network:
 
     @property
     def lever_columns(self) -> np.ndarray:
-        """The columns of the lever arm; none where it is known."""
+        """(G, 3) the columns of the lever arms; none (0, 3) where they are known."""
         first = 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + self.shifts
-        return first + np.arange(3 * bool(self.lever_weight.all()))
+        return first + np.arange(self._lever_unknowns).reshape(-1, 3)
+
+    @property
+    def _lever_unknowns(self) -> int:
+        return self.lever.size * bool(self.lever_weight.all())
 
     @property
     def kept_columns(self) -> np.ndarray:
@@ -217,22 +231,22 @@ class Network:
     @property
     def unknowns(self) -> int:
         """Unknowns of the reduced system."""
-        alone = self.shifts + 3 * (bool(self.lever_weight.all()) + len(self.kept))
+        alone = self.shifts + self._lever_unknowns + 3 * len(self.kept)
         return 6 * self.photos + int(self.interior.free.sum()) + self.variation_columns.size + alone
 
     @property
     def group_start(self) -> np.ndarray:
         """(G + 1,) where the groups of unknowns that always occur together begin: photographs, cameras with free parameters, what
-        varies from photograph to photograph, shifts and lever arm as one, kept points."""
+        varies from photograph to photograph, shifts and lever arms as one, kept points."""
         free = self.interior.free.sum(axis=1)
-        alone = self.shifts + 3 * bool(self.lever_weight.all())
+        alone = self.shifts + self._lever_unknowns
         own = np.full(self.photos * (len(self.variation) > 0), len(self.variation))
         sizes = [np.full(self.photos, 6), free[free > 0], own, np.full(int(alone > 0), alone), np.full(len(self.kept), 3)]
         return np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
 
     @property
     def prior_cliques(self) -> csr_array:
-        """(K, G), nonzero: the groups that prior information connects: each photograph with shifts and lever arm, and the ends of
+        """(K, G), nonzero: the groups that prior information connects: each photograph with shifts and lever arms, and the ends of
         each distance."""
         groups = len(self.group_start) - 1
         # Ends of distances are kept points, the last groups.
@@ -265,7 +279,7 @@ class Network:
             + 2 * (self.vertical_weight > 0).sum()  # two tilts: the cross product of two directions has rank two
             + (known & self.interior.free & ~self.interior.considered).sum()
             + self.variation_columns.size
-            + len(self.lever_columns)
+            + self.lever_columns.size
             + (self.distances.weight > 0).sum()
         )
 

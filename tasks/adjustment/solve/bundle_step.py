@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 @dataclass(frozen=True, eq=False)
 class BundleStep:
     """Corrections of all unknowns: projection centres (P, 3) m, rotation vectors (P, 3) in the image systems, points (N, 3) m,
-    interior orientations (C, 17), shifts (S,) and lever arm (3,) m, and what varies from photograph to photograph (P, 17)."""
+    interior orientations (C, 17), shifts (S,) and lever arms (G, 3) m, and what varies from photograph to photograph (P, 17)."""
 
     centre: np.ndarray
     turn: np.ndarray
@@ -57,9 +57,9 @@ class BundleStep:
 def step_of(network: Network, correction: np.ndarray, points: np.ndarray) -> BundleStep:
     """The step from corrections (n,) of the unknowns of the reduced system and (N, 3) of the eliminated points."""
     photo = correction[: 6 * network.photos].reshape(-1, 6)
-    interior, lever = np.zeros_like(network.interior.value), np.zeros(3)
+    interior, lever = np.zeros_like(network.interior.value), np.zeros_like(network.lever)
     interior[network.interior.free] = correction[6 * network.photos : 6 * network.photos + int(network.interior.free.sum())]
-    # Without a column there is nothing to correct: the slice is empty then.
+    # Without columns there is nothing to correct: the slice is empty then.
     lever[: len(network.lever_columns)] = correction[network.lever_columns]
     points[network.kept] = correction[network.kept_columns]
     return BundleStep(

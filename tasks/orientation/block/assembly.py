@@ -55,7 +55,8 @@ class Part:
 class Problem:
     """The block in local numbers: `active` (p,) numbers of its photos, `names` of them, `rays` of tie points and surveyed points,
     `good` (M,) after the start, `ties` the number of tie points, `measured` the number of all rays of its photos, also of points
-    that were never intersected; `surveyed`: points that a person measured, except check points; `groups`: names by part."""
+    that were never intersected; `surveyed`: points that a person measured, except check points; `groups`: names by part;
+    `receivers`: serial numbers of several drones."""
 
     active: np.ndarray
     names: tuple[str, ...]
@@ -70,6 +71,7 @@ class Problem:
     known: Known
     distances: tuple[tuple[int, int, float, float], ...]
     groups: tuple[tuple[str, ...], ...]
+    receivers: tuple[str, ...] = ()
 
     def constant_of(self, owner: str) -> float:
         """The given constant (px) of the camera of this name; 0 for any other."""
@@ -256,6 +258,16 @@ def problem_of(material: GrowthMaterial, parts: list[Part], cameras: Cameras, co
         groups=tuple(tuple(material.names[i] for i in part.start.photos) for part in parts),
     )
     return problem, _datum_together(parts, member.number, len(member.active))
+
+
+def with_receivers(problem: Problem, photos: Photos) -> tuple[Problem, np.ndarray]:
+    """The problem with the serial numbers of its drones, where there are several, and the number of the drone of each photograph
+    (P,); empty for one."""
+    serials = [photos[name].serial or "" for name in problem.names]
+    names = sorted(set(serials))
+    if len(names) < 2:
+        return problem, np.zeros(0, np.int64)
+    return replace(problem, receivers=tuple(names)), np.array([names.index(serial) for serial in serials])
 
 
 def _tie_rays(material: GrowthMaterial, parts: list[Part], member: _Membership) -> tuple[Rays, np.ndarray]:

@@ -72,9 +72,11 @@ def _distances(distances: tuple[DistanceResidual, ...]) -> Grid:
 
 def _antenna(precision: BlockPrecision) -> Grid:
     """What was estimated of the receiver: the common shift of its positions, and the place of its antenna."""
+    arms = [(arm.receiver or "photographs without serial number", arm.value, arm.sigma) for arm in precision.lever_arms]
     found = (
         ("common shift of the GNSS positions: X, Y, Z", precision.gnss_shift, precision.gnss_shift_sigma),
         ("antenna from the projection centre: right, up, backwards", precision.lever_arm, precision.lever_arm_sigma),
+        *((f"antenna of {name}: right, up, backwards", value, sigma) for name, value, sigma in arms),
     )
     # A lever arm of zero that was not adjusted is no row: most blocks have none.
     rows = tuple((what, *value, *(sigma or (None,) * 3)) for what, value, sigma in found if value)

@@ -14,7 +14,7 @@ from orthomill.schemas.findings.block_findings import (
     PrincipalPointMoved,
 )
 from orthomill.schemas.observations import Control
-from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, ObservationGroup, ParameterCorrelation
+from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
 from orthomill.tasks.adjustment.model.network import Network, common_shift
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
@@ -43,6 +43,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     points = [] if results.datum.free else contradicting_points(results)
     distances = contradicting_distances(results)
     shape = shape_precision(results)
+    arms = tuple(_lever_arms(problem, result))
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=factors.position,
@@ -52,8 +53,9 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         rejected=int(problem.measured - result.used.sum()),
         gnss_shift=_vector(result.state.shift) if _is_common(network) else None,
         gnss_shift_sigma=_sigmas(result, network.shift_columns) if _is_common(network) else None,
-        lever_arm=_vector(result.state.lever) if result.state.lever.any() or len(network.lever_columns) else None,
-        lever_arm_sigma=_sigmas(result, network.lever_columns),
+        lever_arm=arms[0].value if len(arms) == 1 else None,
+        lever_arm_sigma=arms[0].sigma if len(arms) == 1 else None,
+        lever_arms=arms if len(arms) > 1 else (),
         offsets=() if _is_common(network) else offsets_of(result, problem.names),
         sources=results.statements,
         groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
@@ -81,6 +83,16 @@ def _unexplained(results: BlockResults, found: Iterator[BlockFinding]) -> Iterat
     """The contradictions that no cause explains which the sources show."""
     covered = covered_by(results.findings)
     return (finding for finding in found if not isinstance(finding, covered))
+
+
+def _lever_arms(problem: Problem, result: Adjustment) -> Iterator[LeverArm]:
+    """The lever arms of the receivers; none where all are zero and exactly known."""
+    network, lever = result.network, result.state.lever
+    if not lever.any() and not len(network.lever_columns):
+        return
+    for i, value in enumerate(lever):
+        sigma = _sigmas(result, network.lever_columns[i]) if len(network.lever_columns) else None
+        yield LeverArm(receiver=problem.receivers[i] if problem.receivers else "", value=_vector(value), sigma=sigma)
 
 
 def _is_common(network: Network) -> bool:

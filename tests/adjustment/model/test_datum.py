@@ -26,19 +26,20 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 ENDS = np.array([[5, 20], [6, 21], [5, 22]])
 
 
-def with_everything(seed=0):
-    """A block with GNSS, shift, lever arm, control, distances and verticality, away from its solution."""
+def with_everything(seed=0, receivers=1):
+    """A block with GNSS, shift, lever arms, control, distances and verticality, away from its solution."""
     network, state, _ = small_network(seed=seed, interior_free=(0, 1, 3))
     length = np.linalg.norm(state.point[ENDS[:, 0]] - state.point[ENDS[:, 1]], axis=1)
     network = replace(
         network,
         kept=np.unique(ENDS),
         distances=Distances(ENDS, length, np.array([1e4, 4e4, 0.0])),
-        lever=np.array([0.3, -0.2, 0.5]),
+        lever=np.array([[0.3, -0.2, 0.5], [0.1, 0.2, -0.4]])[:receivers],
+        receiver=np.arange(network.photos) % receivers,
         lever_weight=np.full(3, 400.0),
         vertical_weight=np.full(network.photos, 900.0),
     )
-    return network, replace(moved(state, np.random.default_rng(seed), 0.3), lever=np.array([0.35, -0.1, 0.4]))
+    return network, replace(moved(state, np.random.default_rng(seed), 0.3), lever=network.lever + 0.1)
 
 
 def stepped(network, state, column, step):
@@ -60,9 +61,10 @@ def stepped(network, state, column, step):
     )
 
 
+@pytest.mark.parametrize("receivers", [1, 2])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_right_hand_side_is_half_the_negative_slope_of_the_cost(seed):
-    network, state = with_everything(seed)
+def test_the_right_hand_side_is_half_the_negative_slope_of_the_cost(seed, receivers):
+    network, state = with_everything(seed, receivers)
     _, right = prior_alone(network, state)
     for column in range(network.unknowns):
         ahead, behind = (prior_cost(network, stepped(network, state, column, step)) for step in (1e-6, -1e-6))
@@ -72,7 +74,7 @@ def test_the_right_hand_side_is_half_the_negative_slope_of_the_cost(seed):
 def test_the_prior_matrix_is_the_curvature_of_linear_observations():
     network, state = with_everything()
     matrix, _ = prior_alone(network, state)
-    for columns, weight in ((network.lever_columns, 400.0), (network.interior_columns[0, [0, 1, 3]], None)):
+    for columns, weight in ((network.lever_columns[0], 400.0), (network.interior_columns[0, [0, 1, 3]], None)):
         for column in columns:
             cost = [prior_cost(network, stepped(network, state, int(column), step)) for step in (-1e-3, 0.0, 1e-3)]
             curvature = (cost[0] - 2 * cost[1] + cost[2]) / 2e-6
@@ -83,7 +85,7 @@ def test_the_prior_matrix_is_the_curvature_of_linear_observations():
 def test_the_antenna_is_at_the_centre_plus_lever_arm_plus_shift():
     network, state, _ = small_network()
     lever, shift = np.array([1.0, 2.0, 3.0]), np.array([0.1, 0.2, 0.3])
-    state = replace(state, lever=lever, shift=shift)
+    state = replace(state, lever=lever[None], shift=shift)
     expected = network.centre - state.centre - [R.T @ lever for R in state.rotation] - shift
     assert position_residuals(network, state) == pytest.approx(expected)
     nothing = replace(network, centre_weight=np.zeros_like(network.centre_weight))
@@ -95,7 +97,7 @@ def test_antenna_positions_depend_on_rotations_only_with_a_lever_arm():
     photos = np.arange(network.photos)
     J, columns = position_derivatives(network, state, photos)
     assert J.shape == (4, 3, 6) and (columns[:, 3:] == network.shift_columns).all()
-    J, columns = position_derivatives(network, replace(state, lever=np.array([0.0, 0.0, 1.0])), photos)
+    J, columns = position_derivatives(network, replace(state, lever=np.array([[0.0, 0.0, 1.0]])), photos)
     assert J.shape == (4, 3, 9) and (columns[1, 3:6] == [9, 10, 11]).all()
 
 

@@ -14,7 +14,7 @@ CHOICES = st.fixed_dictionaries(
     {
         "free": st.lists(st.integers(0, 7), max_size=8, unique=True),
         "shift": st.booleans(),
-        "lever": st.booleans(),
+        "lever": st.integers(0, 2),
         "kept": st.lists(st.integers(0, 29), max_size=5, unique=True),
     }
 )
@@ -24,6 +24,8 @@ def network_of(free, shift, lever, kept):
     network, state, rays = small_network(interior_free=tuple(free))
     shifted = common_shift(network.photos) if shift else NOT_SHIFTED
     network = replace(network, shift=shifted, kept=np.array(sorted(kept), np.int64), lever_weight=np.full(3, 100.0 * lever))
+    receiver = np.arange(network.photos) % max(lever, 1)
+    network = replace(network, lever=np.zeros((max(lever, 1), 3)), receiver=receiver)
     return network, state, rays
 
 
@@ -32,7 +34,7 @@ def network_of(free, shift, lever, kept):
 def test_every_unknown_has_one_column(choice):
     network, _, _ = network_of(**choice)
     exterior = np.arange(6 * network.photos)
-    parts = [network.interior_columns.ravel(), network.shift_columns, network.lever_columns, network.kept_columns.ravel()]
+    parts = [network.interior_columns.ravel(), network.shift_columns, network.lever_columns.ravel(), network.kept_columns.ravel()]
     columns = np.concatenate([exterior, *(part[part >= 0] for part in parts)])
     assert sorted(columns) == list(range(network.unknowns))
 
@@ -44,7 +46,7 @@ def test_groups_are_the_unknowns_that_occur_together(choice):
     start = network.group_start
     assert start[0] == 0 and start[-1] == network.unknowns and (np.diff(start) > 0).all()
     expected = [6] * network.photos + [len(choice["free"])] * bool(choice["free"])
-    expected += [3 * (choice["shift"] + choice["lever"])] * (choice["shift"] or choice["lever"]) + [3] * len(choice["kept"])
+    expected += [3 * (choice["shift"] + choice["lever"])] * bool(choice["shift"] or choice["lever"]) + [3] * len(choice["kept"])
     assert list(np.diff(start)) == expected
 
 
@@ -108,7 +110,7 @@ def test_a_free_network_has_neither_lever_arm_nor_shift():
     assert free.with_antenna((1.0, 0.0, 0.0), 0.05, common_shift(4)) is free
     network, _, _ = small_network()
     known, estimated = (network.with_antenna((1.0, 0.0, 0.0), sigma, NOT_SHIFTED) for sigma in (0.0, 0.05))
-    assert not len(known.lever_columns) and len(estimated.lever_columns) == 3 and not known.shifts
+    assert not len(known.lever_columns) and estimated.lever_columns.shape == (1, 3) and not known.shifts
     assert estimated.lever_weight == pytest.approx(np.full(3, 400.0))
 
 

@@ -71,14 +71,21 @@ def test_the_shift_of_the_positions_is_separated_by_control():
     assert not rigid.shift.any() and rigid.centre - truth.centre == pytest.approx(np.tile(SHIFT, (4, 1)), abs=1e-3)
 
 
-def test_the_lever_arm_is_estimated_from_rotated_photographs():
+@pytest.mark.parametrize("receiver", [np.zeros(0, np.int64), np.array([0, 0, 0, 1, 1, 1])])
+def test_the_lever_arm_of_each_receiver_is_estimated_from_rotated_photographs(receiver):
     network, truth, rays = small_network(photos=6, seed=2)
-    lever = np.array([0.4, -0.6, 0.3])
-    antenna = truth.centre + np.einsum("pji,j->pi", truth.rotation, lever)
+    lever = np.array([[0.4, -0.6, 0.3], [-0.2, 0.1, 0.5]])[: 1 + receiver.max(initial=0)]
+    own = lever[receiver] if len(receiver) else np.tile(lever, (6, 1))
+    antenna = truth.centre + np.einsum("pji,pj->pi", truth.rotation, own)
     network = replace(
-        with_control(network), centre=antenna, centre_weight=np.full((6, 3), 1e6), lever=np.zeros(3), lever_weight=np.full(3, 1e-2)
+        with_control(network),
+        centre=antenna,
+        centre_weight=np.full((6, 3), 1e6),
+        lever=np.zeros_like(lever),
+        lever_weight=np.full(3, 1e-2),
+        receiver=receiver,
     )
-    state, _ = minimise(network, truth, rays)
+    state, _ = minimise(network, truth.with_antenna(network), rays)
     assert state.lever == pytest.approx(lever, abs=1e-3)
 
 

@@ -33,7 +33,7 @@ def strips(seed, rows=2, per=22, apart=False, free=False, considered=False, ante
     point = np.repeat(centre, 12, axis=0) + rng.uniform(-30, 30, (12 * photos, 3)) - [0, 0, 100]
     near = np.linalg.norm((point[:, None] - centre)[:, :, :2], axis=2) < 45
     seen = np.argwhere(near & (near.sum(axis=1) > 1)[:, None]).astype(np.int32)
-    state = State(rotation, centre, point, CAMERAS.copy(), np.zeros(3), np.array([0.1, 0.2, -0.1]) * antenna)
+    state = State(rotation, centre, point, CAMERAS.copy(), np.zeros(3), np.array([[0.1, 0.2, -0.1]]) * antenna)
     camera_of = np.arange(photos) % 2
     rays = Rays(seen[:, 0].copy(), seen[:, 1].copy(), np.zeros((len(seen), 2)), rng.uniform(0.2, 0.6, len(seen)))
     rays = replace(rays, xy=-residuals(state, rays, camera_of) + 0.3 * rng.standard_normal((len(rays), 2)))

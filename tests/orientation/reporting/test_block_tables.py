@@ -9,6 +9,7 @@ from orthomill.schemas.orientation import (
     BlockPrecision,
     DistanceResidual,
     LargestResidual,
+    LeverArm,
     ObservationGroup,
     RelativeOrientation,
     RelativeOrientations,
@@ -163,6 +164,13 @@ def test_shift_and_antenna_are_shown_with_their_standard_errors():
     )
     shift, antenna = adjustment_grids(found, ())[3].rows
     assert shift[1:] == (3.0, -2.0, 5.0, 0.1, 0.1, 0.2) and antenna[4:] == (1.0, 1.0, 1.0)
+
+
+def test_each_of_several_antennas_has_a_row():
+    arms = tuple(LeverArm(receiver=name, value=(0.1, 0.2, 0.3), sigma=(0.01,) * 3) for name in ("no1", ""))
+    first, second = adjustment_grids(precision(lever_arms=arms), ())[3].rows
+    assert first == ("antenna of no1: right, up, backwards", 0.1, 0.2, 0.3, 0.01, 0.01, 0.01)
+    assert second[0].startswith("antenna of photographs without serial number")
 
 
 def test_a_block_without_antenna_has_no_row():

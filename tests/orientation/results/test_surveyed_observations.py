@@ -143,6 +143,18 @@ def test_a_rough_lever_arm_is_adjusted():
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
+def test_each_of_two_drones_has_a_lever_arm_of_its_own():
+    levers = np.array([(0.3, -0.2, 0.4), (-0.1, 0.2, -0.3)])
+    block = two_strips(19, gnss=0.02)
+    block = with_positions(block, lambda i: block.views[i].rotation.T @ levers[i // 3])
+    photos = tuple(photo.model_copy(update={"serial": f"no{i // 3}"}) for i, photo in enumerate(block.photos.photos))
+    out = orient(replace(block, photos=Photos(photos=photos)), lever_sigma=0.5)
+    arms = out["precision"].lever_arms
+    assert [arm.receiver for arm in arms] == ["no0", "no1"] and out["precision"].lever_arm is None
+    errors = [(np.array(arm.value) - lever) / arm.sigma for arm, lever in zip(arms, levers, strict=True)]
+    assert np.abs(errors).max() < 4 and max(max(arm.sigma) for arm in arms) < 0.3
+
+
 def ends_of(block):
     """The control points farthest apart and the distance between their true places (0.02 m noise on each)."""
     points = [p for p in block.control.points if p.role == "control"]
