@@ -4,22 +4,35 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.findings.finding import SpokenFinding, two_digits
+from orthomill.schemas.maps.compound_systems import with_vertical
+
+GEOGRAPHIC = "EPSG:4326"
+
+
+class _OfControl(SpokenFinding):
+    @property
+    def grave(self) -> bool:
+        """Whether the block lacks what its user relies on; measurements of points that others measure as well are no such loss."""
+        return True
+
 
 # Geoid undulations reach tens of metres: heights that silently changed or kept their datum would shift the block by as much.
-class HeightsNotTransformed(BaseModel):
+class HeightsNotTransformed(_OfControl):
     """Heights kept their values, because only one of the two reference systems has a vertical datum."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["heights_not_transformed"] = "heights_not_transformed"
     crs: str
     """the system with a vertical datum"""
 
+    @property
+    def sentence(self) -> str:
+        return f"Heights of control points were not transformed: only {self.crs} defines a vertical datum."
 
-class ControlElsewhere(BaseModel):
+
+class ControlElsewhere(_OfControl):
     """Surveyed points lie far from the positions of the photographs and are not used."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["control_elsewhere"] = "control_elsewhere"
     points: int
@@ -34,24 +47,47 @@ class ControlElsewhere(BaseModel):
     exchanged: bool = False
     """whether that requires exchanging their first two coordinates"""
 
+    @property
+    def sentence(self) -> str:
+        return (
+            f"The {self.points} control points, read as {self.crs}, are {self.distance_m / 1000:.0f} km from where the "
+            f"photographs were taken; {self._advice()}. They were set aside and took no part in the adjustment."
+        )
+
+    def _advice(self) -> str:
+        if self.fits is None:
+            return "check the reference system, the order of the axes and the zone"
+        system = "" if self.fits == self.crs else f"in {self.fits}"
+        # In degrees people exchange latitude and longitude, on a map X and Y.
+        axes = "latitude before longitude" if self.fits == GEOGRAPHIC else "X and Y exchanged"
+        return " ".join(word for word in ("they would be there", system, f"with {axes}" if self.exchanged else "") if word)
+
 
 # Lists made from a map have plan coordinates only, and 0 where the format asks for a height.
-class HeightsAllZero(BaseModel):
+class HeightsAllZero(_OfControl):
     """All surveyed points have the height 0."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["heights_all_zero"] = "heights_all_zero"
     points: int
     freed: bool = False
     """whether they were taken as unknown, because positions give the block its heights"""
 
+    @property
+    def sentence(self) -> str:
+        if self.freed:
+            return (
+                f"All {self.points} surveyed points have the height 0, which was taken as unknown: they hold the block in plan, "
+                "the positions of the photographs hold it in height. Give their heights; points at sea level get them as 0.001."
+            )
+        return (
+            f"All {self.points} surveyed points have the height 0. Unless they lie at sea level, their heights are missing, and "
+            "the block is tilted and put to heights that are not its own. Give them, or NaN where they are unknown."
+        )
+
 
 # Users drop photographs and keep the control file; what that costs must be known before the block is believed.
-class PhotographsAbsent(BaseModel):
+class PhotographsAbsent(_OfControl):
     """Measurements in photographs that the project does not have were skipped."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["photographs_absent"] = "photographs_absent"
     measurements: int
@@ -61,12 +97,24 @@ class PhotographsAbsent(BaseModel):
     lost: tuple[str, ...] = ()
     """control and check points that are measured in absent photographs only, and were left out"""
 
+    @property
+    def sentence(self) -> str:
+        are = "is" if len(self.lost) == 1 else "are"
+        lost = f"; {some_of(self.lost)} {are} measured in no other and left out" if self.lost else ""
+        were = "measurement of control points was" if self.measurements == 1 else "measurements of control points were"
+        return (
+            f"{self.measurements} {were} skipped, as the project does not have the photographs {some_of(self.photos)}{lost}. "
+            "Set absent: refuse below control if no photograph may be missing."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return bool(self.lost)
+
 
 # People reduce photographs and keep the list that was measured in the originals.
-class MeasurementsOfOriginals(BaseModel):
+class MeasurementsOfOriginals(_OfControl):
     """Control measurements were read as pixels of the photographs before these were reduced."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["measurements_of_originals"] = "measurements_of_originals"
     measurements: int
@@ -76,12 +124,23 @@ class MeasurementsOfOriginals(BaseModel):
     reduced: tuple[int, int]
     """width and height of one of the photographs before and after, px"""
 
+    @property
+    def sentence(self) -> str:
+        (width, height), (now_width, now_height) = self.original, self.reduced
+        return (
+            f"{self.outside} of {self.measurements} control measurements lie outside of the photographs, but all of them "
+            f"inside of the originals, which were reduced ({width} x {height} to {now_width} x {now_height} px by their tags): "
+            "they were read as pixels of the originals. Compare one with its photograph."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return False
+
 
 # Tags are lost when photographs are reduced, and nothing else tells by how much.
-class MeasurementsReduced(BaseModel):
+class MeasurementsReduced(_OfControl):
     """Control measurements were divided by one factor, because only so do all of them lie inside of the photographs."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["measurements_reduced"] = "measurements_reduced"
     measurements: int
@@ -89,31 +148,59 @@ class MeasurementsReduced(BaseModel):
     """how many of them lie outside of the photographs as they are"""
     factor: float
 
+    @property
+    def sentence(self) -> str:
+        return (
+            f"{self.outside} of {self.measurements} control measurements lie outside of the photographs, but all inside, "
+            f"some near the border, when they are divided by {self.factor:.4g}: they were read as pixels of photographs that "
+            "were reduced by this factor since. Compare one with its photograph."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return False
+
 
 # EPSG defines northing or latitude first for many systems, and so do the files of some programs.
-class ControlExchanged(BaseModel):
+class ControlExchanged(_OfControl):
     """The first two coordinates of surveyed points were exchanged, because only so are they where the photographs were taken."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["control_exchanged"] = "control_exchanged"
     points: int
     crs: str
 
+    @property
+    def sentence(self) -> str:
+        return (
+            f"The northing (or latitude) of the {self.points} surveyed points comes first in their file: they were read so, "
+            f"because only then are they where the photographs were taken, in {self.crs}."
+        )
 
-class ControlInDegrees(BaseModel):
+    @property
+    def grave(self) -> bool:
+        return False
+
+
+class ControlInDegrees(_OfControl):
     """Surveyed points were read as longitude and latitude, which nothing but their numbers tells."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["control_in_degrees"] = "control_in_degrees"
     points: int
 
+    @property
+    def sentence(self) -> str:
+        return (
+            f"The coordinates of the {self.points} surveyed points are degrees, and were read as longitude and latitude "
+            "(EPSG:4326); name the system if it is another (control > crs)."
+        )
 
-class HeightsUnknown(BaseModel):
+    @property
+    def grave(self) -> bool:
+        return False
+
+
+class HeightsUnknown(_OfControl):
     """Surveyed points without heights: used in plan only."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["heights_unknown"] = "heights_unknown"
     points: tuple[str, ...]
@@ -122,11 +209,19 @@ class HeightsUnknown(BaseModel):
     left_out: tuple[str, ...] = ()
     """check points, which check nothing without a height"""
 
+    @property
+    def sentence(self) -> str:
+        why = "have the height 0 among others that are far from it" if self.zero else "have no height"
+        lost = f" {some_of(self.left_out)}, as check points, were left out." if self.left_out else ""
+        return f"Surveyed points that {why} are used in plan only: {some_of(self.points)}.{lost}"
 
-class HeightsInFeet(BaseModel):
+    @property
+    def grave(self) -> bool:
+        return bool(self.left_out)
+
+
+class HeightsInFeet(_OfControl):
     """Heights of surveyed points that are, or may be, in feet."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["heights_in_feet"] = "heights_in_feet"
     crs: str
@@ -134,11 +229,26 @@ class HeightsInFeet(BaseModel):
     converted: bool
     """True: as the plan is in feet; False: they lie above all cameras, and would not if they were in feet"""
 
+    @property
+    def sentence(self) -> str:
+        if self.converted:
+            return (
+                f"{self.crs} is in feet, and the heights of the surveyed points were taken as feet, too ({self.unit_m:.7f} m). "
+                "If they are metres, name a system with a vertical part in metres (control > crs), as "
+                f"{with_vertical(self.crs, 5703)}."
+            )
+        return (
+            "The surveyed points lie above all cameras as metres, and below them as feet: their heights seem to be in feet. "
+            f"Convert them, or name a system with a vertical part in feet (control > crs), as {with_vertical(self.crs, 6360)}."
+        )
 
-class DatumApart(BaseModel):
+    @property
+    def grave(self) -> bool:
+        return not self.converted
+
+
+class DatumApart(_OfControl):
     """Surveyed points lie beside where their photographs were taken, by what another datum explains."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["datum_apart"] = "datum_apart"
     crs: str
@@ -146,11 +256,16 @@ class DatumApart(BaseModel):
     """the reference system in which they would lie amid their photographs"""
     distance_m: float
 
+    @property
+    def sentence(self) -> str:
+        return (
+            f"The surveyed points, read as {self.crs}, lie {self.distance_m:.0f} m beside the photographs that show them; in "
+            f"{self.fits} they would lie amid them. If that is what they were surveyed in, state it (control > crs)."
+        )
 
-class HeightsOfTwoSystems(BaseModel):
+
+class HeightsOfTwoSystems(_OfControl):
     """Heights of control and of positions refer to different surfaces."""
-
-    model_config = ConfigDict(frozen=True)
 
     code: Literal["heights_of_two_systems"] = "heights_of_two_systems"
     control: str
@@ -159,6 +274,46 @@ class HeightsOfTwoSystems(BaseModel):
     """by how much the heights of control were raised to those of the positions; None: PROJ lacks the grid, nothing was done"""
     crs: str
     """the crs with which the project would have the heights of the control"""
+
+    @property
+    def sentence(self) -> str:
+        if self.shift_m is None:
+            return (
+                f"Heights of control are {self.control}, those of the positions are above {self.positions}: they differ by tens "
+                f"of metres and could not be brought together. State crs: {self.crs} and install the grid that PROJ asks for, or "
+                "give both in one system."
+            )
+        return (
+            f"Heights of control ({self.control}) were raised by {self.shift_m:.2f} m to those of the positions, above "
+            f"{self.positions}, which are the heights of all products. For heights of the control state crs: {self.crs}."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return self.shift_m is None
+
+
+class CoordinatesRounded(_OfControl):
+    """Coordinates of surveyed points are written more coarsely than their standard errors, which were enlarged."""
+
+    code: Literal["coordinates_rounded"] = "coordinates_rounded"
+    points: int
+    plan_m: float | None
+    height_m: float | None
+    """the step to which they are written (m); None: finely enough"""
+
+    @property
+    def sentence(self) -> str:
+        steps = ((self.plan_m, "coordinates"), (self.height_m, "heights"))
+        said = " and ".join(f"{what} to {two_digits(step)} m" for step, what in steps if step)
+        return (
+            f"The {self.points} surveyed points are rounded, {said}: their standard errors were enlarged by what that takes away. "
+            "Give them as they were measured; spreadsheets show fewer digits than they hold."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return False
 
 
 class ControlRead(BaseModel):
@@ -180,17 +335,18 @@ class ControlRead(BaseModel):
     steps: tuple[float, float] = (0.0, 0.0)
     """to which coordinates in plan and heights are written, in their unit (0: finely)"""
 
-
-class CoordinatesRounded(BaseModel):
-    """Coordinates of surveyed points are written more coarsely than their standard errors, which were enlarged."""
-
-    model_config = ConfigDict(frozen=True)
-
-    code: Literal["coordinates_rounded"] = "coordinates_rounded"
-    points: int
-    plan_m: float | None
-    height_m: float | None
-    """the step to which they are written (m); None: finely enough"""
+    @property
+    def sentence(self) -> str:
+        """Which format the control has, how much of it there is, and what was assumed."""
+        points = f"{self.points} points{f' ({self.checks} of them check points)' * bool(self.checks)}"
+        said = [f"Control: {self.format}, {points}, {self.measurements} measurements, in {self.crs[:60]}."]
+        if self.skipped:
+            said.append(f"{self.skipped} points without coordinates were skipped.")
+        if self.corner:
+            said.append("Its pixels count from the corner of the upper-left one: half a pixel was taken off.")
+        if self.encoding == "Windows-1252":
+            said.append("It is not in UTF-8 and was read as Windows-1252; check names with letters beyond A to Z.")
+        return " ".join(said)
 
 
 ControlFinding = Annotated[

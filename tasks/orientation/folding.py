@@ -8,7 +8,7 @@ constant have this effect, and calibrations whose boards never reached the corne
 import numpy as np
 
 from orthomill.schemas.camera import BrownLens, Camera, Cameras
-from orthomill.schemas.findings.block_findings import DistortionFolds
+from orthomill.schemas.findings.camera_findings import DistortionFolds
 from orthomill.tasks.geometry.distortion import distorted, lens_of
 
 

@@ -38,7 +38,6 @@ from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.plane.block_on_plane import PLANE, SURVEY_BLOCK, SURVEY_POINTS, block_on_plane
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report import report
-from orthomill.tasks.orientation.reporting.control_sentences import control_read_sentence, control_sentence
 from orthomill.tasks.orientation.reporting.overlap_map import OVERLAP, SIDE, overlap_map
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
@@ -153,8 +152,8 @@ class OrientationStage(Stage):
         """What is noticed about the control."""
         control = view.table(CONTROL)
         if control.read:
-            yield control_read_sentence(control.read)
-        yield from map(control_sentence, control.findings)
+            yield control.read.sentence
+        yield from (finding.sentence for finding in control.findings)
 
     def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
         """Where the corners of every photograph lie at the mean height of the ground."""

@@ -6,17 +6,19 @@ from typing import get_args
 import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from orthomill.schemas.findings import block_findings, control_findings
-from orthomill.schemas.findings.block_findings import (
-    BlockFinding,
-    BlockUnexamined,
-    DistanceContradicted,
-    MeasurementsRejected,
-    Misfit,
-    NoDatum,
-    TiltUnobserved,
+from orthomill.schemas.findings import (
+    camera_findings,
+    contradiction_findings,
+    control_findings,
+    datum_findings,
+    foreign_findings,
+    observation_findings,
 )
+from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.control_findings import ControlElsewhere, ControlFinding, HeightsNotTransformed
+from orthomill.schemas.findings.datum_findings import NoDatum, TiltUnobserved
+from orthomill.schemas.findings.foreign_findings import BlockUnexamined
+from orthomill.schemas.findings.observation_findings import DistanceContradicted, MeasurementsRejected, Misfit
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import BlockPrecision
 
@@ -133,7 +135,8 @@ CONTROL_VALUES = {
     "measurements_of_originals": {"measurements": 9, "outside": 8, "original": (4032, 3024), "reduced": (1200, 900)},
     "control_elsewhere": {"points": 5, "crs": "EPSG:2100", "distance_m": 4.1e6, "fits": "EPSG:4326", "exchanged": True},
 }
-UNIONS = {"block": (BlockFinding, BLOCK_VALUES, block_findings), "control": (ControlFinding, CONTROL_VALUES, control_findings)}
+OF_BLOCK = datum_findings, camera_findings, observation_findings, contradiction_findings, foreign_findings
+UNIONS = {"block": (BlockFinding, BLOCK_VALUES, OF_BLOCK), "control": (ControlFinding, CONTROL_VALUES, (control_findings,))}
 CASES = [(union, code, values) for union, examples, _ in UNIONS.values() for code, values in examples.items()]
 
 
@@ -160,9 +163,10 @@ def test_examples_name_every_code_of_the_file_format(name):
 
 @pytest.mark.parametrize("name", UNIONS)
 def test_every_finding_of_a_module_belongs_to_its_union(name):
-    union, _, module = UNIONS[name]
+    union, _, modules = UNIONS[name]
     coded = {
         value
+        for module in modules
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and "code" in value.model_fields
     }

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.camera_findings import ConstantContradicted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.interior import NOMINAL_SIGMA, given_sigmas

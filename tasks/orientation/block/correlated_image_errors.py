@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
-from orthomill.schemas.findings.block_findings import ImageErrorsCorrelated
+from orthomill.schemas.findings.camera_findings import ImageErrorsCorrelated
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
 from orthomill.tasks.adjustment.testing.error_fields import correlated_errors

@@ -15,7 +15,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import InteriorDemanded
+from orthomill.schemas.findings.camera_findings import InteriorDemanded
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA
 from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, State

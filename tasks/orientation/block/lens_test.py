@@ -11,7 +11,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import LensContradicted
+from orthomill.schemas.findings.camera_findings import LensContradicted
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.distortion import BROWN, DIVISION, LENS, LensNumbers, lens_partials, undistort_point
 from orthomill.tasks.orientation.block.camera_constant import step_in

@@ -5,7 +5,7 @@ of the model. They get a camera of their own, if that explains the photographs b
 from dataclasses import dataclass
 
 from orthomill.schemas.camera import Cameras
-from orthomill.schemas.findings.block_findings import ConstantOfItsOwn
+from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 
 CLEAR = 25.0

@@ -12,7 +12,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import InteriorFixed, InteriorUndetermined, InteriorUnweighted
+from orthomill.schemas.findings.camera_findings import InteriorFixed, InteriorUndetermined, InteriorUnweighted
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, camera_covariance, given_sigmas
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State

@@ -108,7 +108,7 @@ def at_the_heights_of_positions(given: np.ndarray, xyz: np.ndarray, system: str,
     if kind not in ("ellipsoidal", "sea_level") or (kind == "ellipsoidal") == above_ellipsoid:
         return Raised(xyz, None)
     positions = "the ellipsoid" if kind == "ellipsoidal" else "the sea"
-    told = HeightsOfTwoSystems(control=own, positions=positions, shift_m=None, crs=_with_vertical_of(crs, system))
+    told = HeightsOfTwoSystems(control=own, positions=positions, shift_m=None, crs=_with_vertical(crs, system))
     if above_ellipsoid:
         return Raised(xyz, told)
     try:
@@ -119,14 +119,8 @@ def at_the_heights_of_positions(given: np.ndarray, xyz: np.ndarray, system: str,
     return Raised(np.column_stack([xyz[:, :2], raised[:, 2]]), told.model_copy(update={"shift_m": round(shift, 3)}))
 
 
-def _with_vertical_of(crs: str, system: str) -> str:
+def _with_vertical(crs: str, system: str) -> str:
     """The project's system with the vertical part of another."""
     known = survey_crs(system)
     code = known.sub_crs_list[1].to_epsg() if known.is_compound else None
     return f"{crs}+{code}" if code else f"{crs}+..."
-
-
-def with_vertical(crs: str, vertical: int) -> str:
-    """The code of a system with a vertical part, that of an example where the system has no plain code."""
-    plain = crs.upper().startswith("EPSG:") and "+" not in crs
-    return f"{crs if plain else 'EPSG:26915'}+{vertical}"

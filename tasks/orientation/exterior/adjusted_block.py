@@ -12,7 +12,10 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, ConstantContradicted, ControlUnmet, DatumMisfit, InteriorFixed
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.camera_findings import ConstantContradicted, InteriorFixed
+from orthomill.schemas.findings.datum_findings import DatumMisfit
+from orthomill.schemas.findings.observation_findings import ControlUnmet
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
@@ -44,7 +47,6 @@ from orthomill.tasks.orientation.exterior.explained_adjustment import Adjustment
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
-from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 from orthomill.tasks.orientation.results.adjustment_results import block_precision
 from orthomill.tasks.orientation.results.block_results import block_table, ground_points, image_residuals
 from orthomill.tasks.orientation.results.block_tables import BlockTables
@@ -146,7 +148,7 @@ def _block_of_sensors(
         oriented = _with_own_constants(_with_restart(have, *_given(photos, seen.given)), cameras, with_cameras)
     except GeometryError as error:
         # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
-        causes = (finding_sentence(finding) for finding in folding_cameras(cameras))
+        causes = (finding.sentence for finding in folding_cameras(cameras))
         raise GeometryError(" ".join((str(error), *causes))) from error
     results = including_correlation(considering_held(oriented.results, choices.interior))
     separate = (including_correlation(considering_held(one, choices.interior)) for one in oriented.apart)

@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import OffsetAdjusted
+from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.bundle import BlunderTest
 from orthomill.tasks.adjustment.model.interior import InteriorChoice

@@ -10,7 +10,8 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockFinding, BlockUnexamined
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.foreign_findings import BlockUnexamined
 from orthomill.schemas.observations import Control, ControlPoint, GroundPoints, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block, BlockPrecision, ExteriorOrientation, GroundResidual, GroundResiduals, Unoriented
 from orthomill.schemas.photo import Photo, Photos

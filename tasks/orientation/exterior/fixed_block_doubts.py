@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import BlockElsewhere, TiePointsMisfit
+from orthomill.schemas.findings.foreign_findings import BlockElsewhere, TiePointsMisfit
 from orthomill.schemas.orientation import GroundResidual
 
 FAR = 5.0

@@ -10,7 +10,8 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.block_findings import BlockFinding, PhotosUnknown
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.foreign_findings import PhotosUnknown
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
 from orthomill.tasks.geometry.camera_change import TURN, file_size, scaled, turned

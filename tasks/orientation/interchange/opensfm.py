@@ -14,7 +14,8 @@ from pydantic_core import to_json
 
 from orthomill.schemas.camera import LENSES, Camera
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.block_findings import BlockFinding, LargestReconstruction
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.foreign_findings import LargestReconstruction
 from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, vector_of_rotation

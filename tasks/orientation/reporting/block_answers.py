@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import NoDatum
+from orthomill.schemas.findings.datum_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth

@@ -2,29 +2,22 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.findings.block_findings import (
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.camera_findings import ConstantContradicted, DistortionFolds, LensContradicted
+from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted
+from orthomill.schemas.findings.datum_findings import (
     AxesExchanged,
     BlockBent,
-    BlockElsewhere,
-    BlockFinding,
     BlockSeparate,
-    ConstantContradicted,
-    ControlContradicted,
-    ControlUnmet,
     DatumMisfit,
-    DistortionFolds,
     GroupsUnconnected,
-    LensContradicted,
     LooksUpward,
     NoDatum,
-    OffsetAdjusted,
-    PositionsElsewhere,
-    SourcesDisagree,
     TiltUnobserved,
-    UnitContradicted,
 )
+from orthomill.schemas.findings.foreign_findings import BlockElsewhere
+from orthomill.schemas.findings.observation_findings import ControlContradicted, ControlUnmet, PositionsElsewhere
 from orthomill.tasks.orientation.reporting.block_facts import Facts, told_findings
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
 GRAVE = (
@@ -54,7 +47,7 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     """Sentences that are among the warnings, the gravest first."""
     # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum that
     # is the least of it.
-    control = [control_sentence(finding) for finding in facts.control.findings if is_grave(finding)]
+    control = [finding.sentence for finding in facts.control.findings if finding.grave]
     told = told_findings(facts.control, facts.precision)
     graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_minor(finding)]
     found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))

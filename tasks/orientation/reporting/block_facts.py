@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
-from orthomill.schemas.findings.block_findings import BlockFinding, DatumMisfit, NoDatum
+from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.control_findings import HeightsAllZero, HeightsOfTwoSystems
+from orthomill.schemas.findings.datum_findings import DatumMisfit, NoDatum
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos

@@ -5,15 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.findings.block_findings import (
-    ConstantNominal,
-    ControlOnALine,
-    ImageErrorsCorrelated,
-    InteriorUndetermined,
-    MeasurementsRejected,
-    TiePointsMisfit,
-    UnitContradicted,
-)
+from orthomill.schemas.findings.camera_findings import ConstantNominal, ImageErrorsCorrelated, InteriorUndetermined
+from orthomill.schemas.findings.contradiction_findings import UnitContradicted
+from orthomill.schemas.findings.datum_findings import ControlOnALine
+from orthomill.schemas.findings.foreign_findings import TiePointsMisfit
+from orthomill.schemas.findings.observation_findings import MeasurementsRejected
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
@@ -21,10 +17,10 @@ from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
 from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, worse_control, worse_marks
 from orthomill.tasks.orientation.reporting.photographed_surface import coverage
 from orthomill.tasks.orientation.reporting.photographs_left_out import left_out_sentences
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
+from orthomill.tasks.orientation.reporting.worse_control import worse_control, worse_marks
 
 ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
@@ -52,7 +48,7 @@ def block_warnings(facts: Facts) -> Iterator[str]:
     """Whole sentences about what is poorly determined in the block, and what to do."""
     yield from left_out_sentences(facts.block.unoriented)
     yield from finding_sentences(told_findings(facts.control, facts.precision))
-    yield from (control_sentence(finding) for finding in facts.control.findings)
+    yield from (finding.sentence for finding in facts.control.findings)
     yield from _control_warnings(facts)
     yield from camera_warnings(facts)
     yield from _photo_warnings(facts)

@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import some_of
-from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed
+from orthomill.schemas.findings.camera_findings import ConstantContradicted, InteriorFixed
 from orthomill.schemas.orientation import ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import is_guessed
 from orthomill.tasks.geometry.camera_change import sensor_name

@@ -6,13 +6,9 @@ from itertools import combinations
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
-from orthomill.schemas.findings.block_findings import (
-    BlockFinding,
-    BlockSeparate,
-    ConstantNominal,
-    GroupsUnconnected,
-    PrincipalPointMoved,
-)
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.camera_findings import ConstantNominal, PrincipalPointMoved
+from orthomill.schemas.findings.datum_findings import BlockSeparate, GroupsUnconnected
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed

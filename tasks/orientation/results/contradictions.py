@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import (
-    BlockFinding,
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.observation_findings import (
     CheckMeasurementsApart,
     ControlContradicted,
     DistanceContradicted,

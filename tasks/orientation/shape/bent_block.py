@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import BlockBent
+from orthomill.schemas.findings.datum_findings import BlockBent
 from orthomill.tasks.adjustment.model.datum import antennas
 from orthomill.tasks.adjustment.testing.position_trend import HeightTrend, height_trend
 from orthomill.tasks.orientation.block.assembly import BlockResults

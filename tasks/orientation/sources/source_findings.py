@@ -4,16 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import (
-    BlockFinding,
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted, photographs
+from orthomill.schemas.findings.datum_findings import DatumMisfit
+from orthomill.schemas.findings.observation_findings import (
     ControlContradicted,
-    DatumMisfit,
-    OffsetAdjusted,
     PositionContradicted,
     PositionsAlongView,
     PositionsElsewhere,
-    SourcesDisagree,
-    UnitContradicted,
 )
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import PositionOffset, SourceStatement
@@ -22,7 +20,6 @@ from orthomill.tasks.orientation.block.assembly import Problem
 from orthomill.tasks.orientation.block.own_constants import OwnConstant
 from orthomill.tasks.orientation.sources.block_sources import BlockSources
 from orthomill.tasks.orientation.sources.evidence import Source
-from orthomill.tasks.orientation.sources.source_sentences import photographs
 from orthomill.tasks.orientation.sources.source_table import Parameter, Said
 
 SOURCES = {

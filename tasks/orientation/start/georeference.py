@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orthomill.schemas.findings.block_findings import (
+from orthomill.schemas.findings.block_findings import BlockFinding
+from orthomill.schemas.findings.datum_findings import (
+    BASIS,
     AxesExchanged,
-    BlockFinding,
     ControlOnALine,
     DatumGivenUp,
     DatumMisfit,
@@ -32,7 +33,7 @@ from orthomill.tasks.orientation.start.similarity import (
     fit_similarity,
     turn_precision,
 )
-from orthomill.tasks.orientation.start.up_direction import DOWN, SENTENCES, Basis, Looking, expected_up, up_direction
+from orthomill.tasks.orientation.start.up_direction import DOWN, Basis, Looking, expected_up, up_direction
 
 WEAK_TURN = np.radians(1.0)
 """A rotation about the line of the known points that is less precise needs the verticality constraint: one degree moves the ground
@@ -368,7 +369,7 @@ def _sentence(positions: int, control: int, basis: Basis | None) -> str:
     if positions:
         known.append(f"{positions} GNSS position{'s' * (positions > 1)} of the projection centres")
     kind = "Control" if control >= 3 else "GNSS" if positions else "Control"
-    tilt = f"; the tilt about their common line rests {SENTENCES[basis]}" if basis else ""
+    tilt = f"; the tilt about their common line rests {BASIS[basis]}" if basis else ""
     return f"{kind}: the datum is defined by {' and '.join(known)}, each with its standard errors{tilt}."
 
 

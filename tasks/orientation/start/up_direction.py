@@ -20,11 +20,6 @@ ALONG = np.sin(np.radians(45.0))
 level."""
 TOGETHER = 0.7
 """Photographs whose mean axis, of unit vectors, is shorter look to all sides; 0.7 is a cone of 45 degrees about the mean."""
-SENTENCES: dict[Basis, str] = {
-    "attitude": "on the attitudes that came with the photographs",
-    "down": "on the assumption that the photographs look straight down on average",
-    "level": "on the assumption that the photographs were taken level and upright on average",
-}
 
 
 def expected_up(

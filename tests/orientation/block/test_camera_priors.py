@@ -7,7 +7,7 @@ import pytest
 from small_network import INTERIOR_VALUES, more_control, small_network
 
 from orthomill.schemas.camera import Camera
-from orthomill.schemas.findings.block_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined, InteriorUnweighted
+from orthomill.schemas.findings.camera_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined, InteriorUnweighted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
 from orthomill.tasks.adjustment.solve.minimise import NotConverged

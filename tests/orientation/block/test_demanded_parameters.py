@@ -6,7 +6,8 @@ from orienting import orient
 from simulated_block import block_of, view
 
 from orthomill.schemas.camera import BrownLens, Camera
-from orthomill.schemas.findings.block_findings import BlockBent, InteriorDemanded
+from orthomill.schemas.findings.camera_findings import InteriorDemanded
+from orthomill.schemas.findings.datum_findings import BlockBent
 from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
 
 NOMINAL = Camera(name="cam", width=1600, height=1300, c=1900.0, source="exif")

@@ -6,7 +6,7 @@ from orienting import orient
 from simulated_block import block_of, looking
 
 from orthomill.schemas.camera import BrownLens, Camera, DivisionLens, FisheyeLens
-from orthomill.schemas.findings.block_findings import LensContradicted
+from orthomill.schemas.findings.camera_findings import LensContradicted
 from orthomill.tasks.geometry.view import View
 
 LENSES = {"brown": BrownLens(k1=-0.12, k2=0.03), "fisheye": FisheyeLens(k1=0.02, k2=-0.004), "division": DivisionLens(k1=-0.08)}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.camera import Camera, Cameras
-from orthomill.schemas.findings.block_findings import ControlOnALine, NoDatum
+from orthomill.schemas.findings.datum_findings import ControlOnALine, NoDatum
 from orthomill.schemas.observations import Control, ControlPoint, Distance
 from orthomill.tasks.adjustment.model.network import Interior, Rays, State
 from orthomill.tasks.orientation.block.assembly import Part, problem_of, starting_values, taking_part

@@ -8,7 +8,6 @@ from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.orientation.control.control_files import read_control
 from orthomill.tasks.orientation.control.control_system import control_from_files
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 
 PHOTOS = Photos(
     photos=tuple(Photo(name=n, path=f"in/{n}.jpg", width=100, height=80, bands=3, dtype="uint8", camera="c") for n in ("a", "b"))
@@ -24,7 +23,7 @@ def test_lines_of_absent_photographs_are_skipped_and_told():
     assert control.points == read_control(PHOTOS, POINTS, MEASURED).points
     (finding,) = control.findings
     assert (finding.measurements, finding.photos, finding.lost) == (1, ("z.jpg",), ())
-    assert "1 measurement of control points was skipped" in control_sentence(finding) and not is_grave(finding)
+    assert "1 measurement of control points was skipped" in finding.sentence and not finding.grave
 
 
 def test_points_without_enough_other_measurements_are_left_out_with_their_distances():
@@ -32,7 +31,7 @@ def test_points_without_enough_other_measurements_are_left_out_with_their_distan
     assert [point.name for point in control.points] == ["P1"] and control.distances == ()
     (finding,) = control.findings
     assert finding.lost == ("P2", "P3"), "a tie point needs two rays"
-    assert "P2, P3 are measured in no other and left out" in control_sentence(finding) and is_grave(finding)
+    assert "P2, P3 are measured in no other and left out" in finding.sentence and finding.grave
 
 
 def test_a_project_may_insist_on_all_photographs():

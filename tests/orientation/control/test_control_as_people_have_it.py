@@ -16,7 +16,6 @@ from orthomill.schemas.project import ControlFromFiles, ControlFromGcpList
 from orthomill.schemas.survey_files.text_encoding import decoded
 from orthomill.tasks.orientation.control.control_heights import FREE
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_read_sentence, control_sentence
 
 UTM = "EPSG:32632"
 POINTS = {"P1": (391000.125, 4987010.25, 301.5), "P2": (391040.5, 4987055.75, 303.25), "P3": (390970.75, 4987080.375, 299.125)}
@@ -309,7 +308,7 @@ def test_control_is_read_as_it_is(case):
         assert 0.004 < points[name].sigma[0] < 0.05 and points[name].role == "control"
         for photo, pixel in zip(NAMES, PIXELS[name], strict=True):
             np.testing.assert_allclose(points[name].measurements[photo][:2], pixel, atol=1e-9)
-    told = control_read_sentence(found.read)
+    told = found.read.sentence
     assert told.startswith("Control: ") and "3 points, 6 measurements" in told
 
 
@@ -325,14 +324,14 @@ def test_control_is_read_as_it_is(case):
 )
 def test_what_was_assumed_is_said(case, words):
     found = (LISTS | FILES)[case]()
-    assert any(words in control_sentence(finding) for finding in found.findings), found.findings
+    assert any(words in finding.sentence for finding in found.findings), found.findings
 
 
 def test_formats_are_named():
     assert "marks of Pix4D" in FILES["Pix4D"]().read.format and FILES["Pix4D"]().read.corner
     assert FILES["Metashape XML"]().read.format == "Metashape markers (XML)"
     assert FILES["Metashape CSV"]().read.format.startswith("Metashape markers (CSV)")
-    assert "Windows-1252" in control_read_sentence(LISTS["Latin-1 in a comment"]().read)
+    assert "Windows-1252" in LISTS["Latin-1 in a comment"]().read.sentence
 
 
 def test_points_may_have_blanks_in_their_names():
@@ -365,14 +364,14 @@ def test_heights_that_are_not_known_hold_nothing(make, free):
         return
     found = make()
     assert [point.sigma[2] for point in found.points] == [FREE] * 3 and [p.sigma[0] for p in found.points] == [0.03] * 3
-    assert any(free in control_sentence(finding) for finding in found.findings)
+    assert any(free in finding.sentence for finding in found.findings)
     np.testing.assert_allclose(found.points[0].xyz[:2], POINTS["P1"][:2])
 
 
 def test_check_points_without_heights_check_nothing():
     found = listed(gcp("{x} {y} NaN {col} {row} {photo} {name}"), check=("P2",))
     assert [point.name for point in found.points] == ["P1", "P3"]
-    assert "P2, as check points, were left out" in control_sentence(found.findings[0])
+    assert "P2, as check points, were left out" in found.findings[0].sentence
 
 
 PHOTOS_ABSENT = "None of the photographs that control points are measured in is in the project"
@@ -449,7 +448,7 @@ CHECKED = {
 def test_check_points_of_other_programs_are_none_of_the_control(case):
     found = CHECKED[case]()
     assert {point.name: point.role for point in found.points} == {"P1": "control", "P2": "control", "P3": "check"}
-    assert "(1 of them check points)" in control_read_sentence(found.read)
+    assert "(1 of them check points)" in found.read.sentence
 
 
 def test_types_that_are_no_roles_tell_nothing():
@@ -475,7 +474,7 @@ def test_rounded_coordinates_are_no_better_than_their_rounding(make, sigma, said
     assert found.points[0].sigma[0] == pytest.approx(sigma[0], abs=0.01)
     assert found.points[0].sigma[2] == pytest.approx(sigma[1], abs=0.01)
     (told,) = [finding for finding in found.findings if finding.code == "coordinates_rounded"]
-    assert said in control_sentence(told)
+    assert said in told.sentence
 
 
 def test_mistakes_of_points_are_told_once():
@@ -489,7 +488,7 @@ def test_pixels_of_larger_photographs_are_divided_by_a_plain_factor():
     found = listed(more)
     np.testing.assert_allclose(found.points[0].measurements["DJI_0001"][:2], PIXELS["P1"][0], atol=1e-6)
     (finding,) = found.findings
-    assert finding.factor == 5.0 and "divided by 5" in control_sentence(finding)
+    assert finding.factor == 5.0 and "divided by 5" in finding.sentence
 
 
 def test_a_wrong_line_is_no_reduction():
@@ -499,7 +498,7 @@ def test_a_wrong_line_is_no_reduction():
 
 def test_heights_in_feet_above_all_cameras_are_named():
     found = listed(gcp().replace(" 301.5 ", " 989.17 ").replace(" 303.25 ", " 994.91 ").replace(" 299.125 ", " 981.38 "))
-    assert "their heights seem to be in feet" in control_sentence(found.findings[0])
+    assert "their heights seem to be in feet" in found.findings[0].sentence
 
 
 @pytest.mark.parametrize(("given", "fits"), [("EPSG:23032", "WGS 84"), ("EPSG:32632", None)])
@@ -512,7 +511,7 @@ def test_another_datum_is_named(given, fits):
     assert codes == (["datum_apart"] if fits else [])
     if fits:
         assert fits in found.findings[0].fits and 150 < found.findings[0].distance_m < 250
-        assert "state it (control > crs)" in control_sentence(found.findings[0])
+        assert "state it (control > crs)" in found.findings[0].sentence
 
 
 def test_distances_are_those_of_the_map():

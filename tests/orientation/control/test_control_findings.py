@@ -19,7 +19,6 @@ from orthomill.tasks.orientation.control.control_files import read_control
 from orthomill.tasks.orientation.control.control_heights import FREE
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 
 CRS = "EPSG:32634"
 PLACE = np.array([500000.0, 4000000.0, 300.0])
@@ -54,7 +53,7 @@ def test_exchanged_coordinates_are_read_as_such_and_said():
     found = control(PLACE[1] + 3.0, PLACE[0] + 1.0)
     assert found.points[0].xyz == (PLACE[0] + 1.0, PLACE[1] + 3.0, 100.0)
     assert found.findings == (ControlExchanged(points=1, crs=CRS),)
-    assert "northing (or latitude) of the 1 surveyed points comes first" in control_sentence(found.findings[0])
+    assert "northing (or latitude) of the 1 surveyed points comes first" in found.findings[0].sentence
 
 
 def test_heights_of_a_system_with_a_vertical_datum_are_reported():
@@ -85,13 +84,13 @@ def test_heights_that_are_all_0_are_said(heights, crs, said):
     assert found.findings == ((HeightsAllZero(points=3, freed=True),) if said else ())
     assert [point.sigma[2] for point in found.points] == [FREE if said else 0.2] * len(heights)
     if said:
-        assert "the height 0, which was taken as unknown" in control_sentence(found.findings[0]) and is_grave(found.findings[0])
+        assert "the height 0, which was taken as unknown" in found.findings[0].sentence and found.findings[0].grave
 
 
 def test_heights_that_are_all_0_are_kept_where_nothing_else_holds_the_block():
     found = control_of((0, 0, 0), positions=False)
     assert found.findings == (HeightsAllZero(points=3),) and found.points[0].sigma[2] == 0.2
-    assert "All 3 surveyed points have the height 0. Unless" in control_sentence(found.findings[0])
+    assert "All 3 surveyed points have the height 0. Unless" in found.findings[0].sentence
 
 
 def test_one_height_of_0_among_others_is_none():
@@ -114,7 +113,7 @@ ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
     ],
 )
 def test_the_sentence_names_distance_and_remedy(change, words):
-    text = control_sentence(ELSEWHERE.model_copy(update=change))
+    text = ELSEWHERE.model_copy(update=change).sentence
     assert text.startswith("The 4 control points, read as EPSG:2100, are 61 km from where the photographs were taken; ")
     assert words in text and text.endswith("took no part in the adjustment.")
 

@@ -12,7 +12,6 @@ from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.geometry.survey_system import transform_surveyed, vertical_name
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence
 
 LIST = ControlFromGcpList(kind="gcp_list", path="gcp_list.txt", check=("g2",))
 CRS = "EPSG:2100"
@@ -116,7 +115,7 @@ def test_control_of_another_site_is_named_with_the_system_that_fits(change, fit)
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(3) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, None, CRS)
-    assert control.points == () and fit in control_sentence(control.findings[0])
+    assert control.points == () and fit in control.findings[0].sentence
 
 
 def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
@@ -124,7 +123,7 @@ def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(2) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, "EPSG:32634", CRS)
-    assert "would be there in EPSG:2100." in control_sentence(control.findings[0])
+    assert "would be there in EPSG:2100." in control.findings[0].sentence
 
 
 def as_system(xyz, name):

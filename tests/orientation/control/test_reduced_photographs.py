@@ -7,7 +7,6 @@ from orthomill.schemas.findings.control_findings import MeasurementsOfOriginals
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
-from orthomill.tasks.orientation.reporting.control_sentences import control_sentence, is_grave
 
 CRS = "EPSG:32634"
 FIRST = "500000 4000000 100"
@@ -36,8 +35,8 @@ def test_pixels_of_the_originals_become_those_of_the_photographs():
     assert point.measurements["b"][:2] == pytest.approx((500.0, 250.0))
     (finding,) = found.findings
     assert finding == MeasurementsOfOriginals(measurements=2, outside=2, original=(4000, 3000), reduced=(1000, 750))
-    said = control_sentence(finding)
-    assert "2 of 2 control measurements" in said and "4000 x 3000 to 1000 x 750 px" in said and not is_grave(finding)
+    said = finding.sentence
+    assert "2 of 2 control measurements" in said and "4000 x 3000 to 1000 x 750 px" in said and not finding.grave
 
 
 def test_tables_are_read_in_the_same_frame():

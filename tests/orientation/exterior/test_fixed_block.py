@@ -10,7 +10,7 @@ from simulated_block import TRUE_CAMERA, two_strips
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.findings.block_findings import BlockElsewhere, BlockUnexamined, PhotosUnknown, TiePointsMisfit
+from orthomill.schemas.findings.foreign_findings import BlockElsewhere, BlockUnexamined, PhotosUnknown, TiePointsMisfit
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.photo import Photo, Photos

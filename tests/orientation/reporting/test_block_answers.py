@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from orthomill.schemas.findings.block_findings import NoDatum
+from orthomill.schemas.findings.datum_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.orientation.reporting.block_answers import accuracy, block_lengths, block_verdict, length
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthomill.schemas.findings.block_findings import ControlContradicted, DatumMisfit, DistanceUnchecked, InteriorFixed, NoDatum
+from orthomill.schemas.findings.camera_findings import InteriorFixed
 from orthomill.schemas.findings.control_findings import HeightsAllZero
+from orthomill.schemas.findings.datum_findings import DatumMisfit, NoDatum
+from orthomill.schemas.findings.observation_findings import ControlContradicted, DistanceUnchecked
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos

@@ -3,15 +3,16 @@
 from typing import get_args
 
 import pytest
-from pydantic import BaseModel, TypeAdapter
+from pydantic import TypeAdapter
 
 from orthomill.schemas.findings import block_findings as f
+from orthomill.schemas.findings.finding import SpokenFinding
+from orthomill.schemas.findings.observation_findings import Misfit
 from orthomill.schemas.orientation import BlockPrecision
-from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 KINDS = get_args(get_args(f.BlockFinding)[0])
-NOWHERE = (f.Misfit(photo="a", misfit_px=None), f.Misfit(photo="b", misfit_px=None, lies_on="P9"))
-OFF = (f.Misfit(photo="a", misfit_px=14.6), f.Misfit(photo="b", misfit_px=7.2, lies_on="P9"))
+NOWHERE = (Misfit(photo="a", misfit_px=None), Misfit(photo="b", misfit_px=None, lies_on="P9"))
+OFF = (Misfit(photo="a", misfit_px=14.6), Misfit(photo="b", misfit_px=7.2, lies_on="P9"))
 
 SPOKEN = [
     (f.NoDatum(scaled=True), ["has a scale but no datum", "three control points"]),
@@ -214,7 +215,7 @@ SPOKEN = [
 
 @pytest.mark.parametrize(("finding", "phrases"), SPOKEN, ids=lambda value: getattr(value, "code", ""))
 def test_a_sentence_holds_the_names_and_numbers_of_its_finding(finding, phrases):
-    sentence = finding_sentence(finding)
+    sentence = finding.sentence
     assert [phrase for phrase in phrases if phrase not in sentence] == []
     assert sentence.endswith(".")
     assert "nan" not in sentence and "None" not in sentence
@@ -241,8 +242,8 @@ def test_a_code_decides_which_finding_is_read():
 
 
 def test_a_finding_without_words_is_an_error_of_the_program():
-    class Unspoken(BaseModel):
+    class Unspoken(SpokenFinding):
         code: str = "unspoken"
 
-    with pytest.raises(TypeError, match="no words for Unspoken"):
-        finding_sentence(Unspoken())
+    with pytest.raises(NotImplementedError, match="Unspoken has no sentence"):
+        Unspoken().sentence  # noqa: B018

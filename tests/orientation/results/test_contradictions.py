@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orthomill.schemas.findings.block_findings import (
+from orthomill.schemas.findings.observation_findings import (
     ControlContradicted,
     DistanceContradicted,
     PositionContradicted,

@@ -7,7 +7,6 @@ from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
-from orthomill.tasks.orientation.reporting.finding_sentences import finding_sentence
 
 
 def orient(block, given=None, relative=None, heights=None, lattice=None, **changes):
@@ -23,7 +22,7 @@ def orient(block, given=None, relative=None, heights=None, lattice=None, **chang
 
 def sentences(precision):
     """What the report says of the findings of an adjustment."""
-    return [finding_sentence(finding) for finding in precision.findings]
+    return [finding.sentence for finding in precision.findings]
 
 
 def standardised_orientation(block, result):

@@ -1,0 +1,167 @@
+"""Findings about sources of a block that contradict each other, with the cause where one explains it."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+from orthomill.schemas.findings.finding import SpokenFinding
+from orthomill.schemas.maps.compound_systems import with_vertical
+
+HEIGHT = 2
+_KINDS = {
+    "ellipsoidal": " (the tags say: above the ellipsoid)",
+    "sea_level": " (the tags say: above the sea)",
+    "barometric": " (the tags say: by the air pressure)",
+    "relative": " (the tags say: above the place of take-off)",
+}
+
+
+class OffsetAdjusted(SpokenFinding):
+    """Positions have a constant error against the other sources, which was adjusted as an unknown of its own."""
+
+    code: Literal["offset_adjusted"] = "offset_adjusted"
+    photos: tuple[str, ...]
+    against: Literal["control", "others"]
+    """all positions against the control, or those of these photographs against the other positions"""
+    offset: tuple[float | None, float | None, float | None]
+    """m in X, Y and height; None where there is none"""
+    sigma: tuple[float | None, float | None, float | None]
+    """against the other positions as these scatter, for what they have in common is no error of their difference"""
+    tilt_deg: float
+    """by which the block would be tilted without it"""
+    moved_m: float
+    """by which the block would lie elsewhere without it, at most"""
+    heights: str | None = None
+    """what tags say that the heights of the positions refer to"""
+    zoom: float | None = None
+    """by how many times another camera constant of these photographs would explain it, too; None: it would not"""
+
+    @property
+    def sentence(self) -> str:
+        heights_only = self.offset[0] is None and self.offset[1] is None
+        own, size = "heights of the positions" if heights_only else "positions", _height(self) if heights_only else _vector(self)
+        if self.against == "control":
+            kind = _KINDS.get(self.heights or "", "")
+            cause, compare = (", as heights in two systems do", "height system") if heights_only else ("", "reference system")
+            return (
+                f"The {own}{kind} lie {size} the control{cause}: they were adjusted with one offset, and both keep their standard "
+                f"errors. State the {compare} of each in the workflow, or correct one of them."
+            )
+        zoomed = (
+            f" {self.zoom:.3g} times the camera constant (zoom, a second camera) would put them there, too, but the photographs do "
+            "not show it."
+            if self.zoom
+            else ""
+        )
+        return (
+            f"The {own} of {photographs(self.photos)} lie {size} those of the others in the block: they were adjusted with an "
+            f"offset of their own. Without it the block would be tilted by {self.tilt_deg:.1f} degrees and lie up to "
+            f"{self.moved_m:.1f} m elsewhere.{zoomed} Which of them are right the block cannot say{_choice(self)}: compare the "
+            "heights of the flights, or give control."
+        )
+
+
+class ConstantOfItsOwn(SpokenFinding):
+    """Photographs were taken with another camera constant than the others of their camera, and got a camera of their own."""
+
+    code: Literal["constant_of_its_own"] = "constant_of_its_own"
+    photos: tuple[str, ...]
+    camera: str
+    """which all of them were thought to have"""
+    c_px: float
+    others_px: float
+    """the adjusted camera constants of these photographs and of the others"""
+
+    @property
+    def sentence(self) -> str:
+        factor = self.c_px / self.others_px
+        return (
+            f"{photographs(self.photos)} were taken with {factor:.3g} times the camera constant of the other photographs of "
+            f"{self.camera} ({self.c_px:.0f} and {self.others_px:.0f} px): zoom, another lens or a second camera of the model "
+            "that no tag tells. They were given a camera of their own. Without it, they seem to be taken from another height."
+        )
+
+
+class UnitContradicted(SpokenFinding):
+    """The control fits the other sources in another unit of length than metres."""
+
+    code: Literal["unit_contradicted"] = "unit_contradicted"
+    unit: Literal["feet", "metres"]
+    """what its coordinates are in; `metres`: they were taken for feet"""
+    heights_only: bool
+    given_m: float
+    """misfit in height as given"""
+    fits_m: float
+    """misfit in height in that unit"""
+    crs: str = ""
+    """the system in which the control was read"""
+    heights_m: tuple[float, float] | None = None
+    """median height of the control as given and in that unit"""
+
+    @property
+    def sentence(self) -> str:
+        feet = self.unit == "feet"
+        what = "heights of the control" if self.heights_only else "coordinates of the control"
+        are = "in feet" if feet else "in metres that were taken for feet"
+        return (
+            f"The {what} are {are}: as given they miss the other sources by {self.given_m:.1f} m in height, in that unit by "
+            f"{self.fits_m:.1f} m. The block is wrong until the file states its unit or is in metres: {_unit_remedy(self)}."
+        )
+
+
+class SourcesDisagree(SpokenFinding):
+    """A source contradicts all others in a parameter of the block, and no cause explains it."""
+
+    code: Literal["sources_disagree"] = "sources_disagree"
+    source: str
+    parameter: str
+    unit: str
+    value: float
+    sigma: float
+    others: float
+    others_sigma: float
+
+    @property
+    def sentence(self) -> str:
+        unit = self.unit
+        return (
+            f"The sources contradict each other in the {self.parameter} of the block: {self.source} would change it by "
+            f"{self.value:+.2f} {unit} (standard error {self.sigma:.2f}), all others by {self.others:+.2f} {unit} (standard "
+            f"error {self.others_sigma:.2f}). No flight, height system, unit or camera constant explains it; compare them before "
+            "the result is used."
+        )
+
+
+def _choice(finding: OffsetAdjusted) -> str:
+    """What the result would be if the positions with the offset were the right ones."""
+    height = finding.offset[HEIGHT]
+    if height is None:
+        return ""
+    return f" (if theirs are, all lies {abs(height):.2f} m {'higher' if height > 0 else 'lower'})"
+
+
+def photographs(names: Sequence[str]) -> str:
+    """Photographs in a row, by the first and the last of them."""
+    return ", ".join(names) if len(names) < 3 else f"{names[0]} to {names[-1]} ({len(names)} photographs)"
+
+
+def _height(finding: OffsetAdjusted) -> str:
+    value, sigma = finding.offset[HEIGHT] or 0.0, finding.sigma[HEIGHT] or 0.0
+    return f"{abs(value):.2f} m (standard error {sigma:.2f} m) {'above' if value > 0 else 'below'}"
+
+
+def _vector(finding: OffsetAdjusted) -> str:
+    known = zip(("X", "Y", "height"), finding.offset, finding.sigma, strict=True)
+    values = [
+        f"{value:+.2f} m in {name} (standard error {sigma or 0.0:.2f} m)" for name, value, sigma in known if value is not None
+    ]
+    return f"{', '.join(values)} away from"
+
+
+def _unit_remedy(finding: UnitContradicted) -> str:
+    """The setting that states the unit, and where the control lies with it."""
+    if not finding.heights_only:
+        return "name the system in which it was surveyed, with the unit that it really has (control > crs)"
+    code, unit = (6360, "US survey feet") if finding.unit == "feet" else (5703, "metres")
+    given, there = finding.heights_m or (0.0, 0.0)
+    heights = f"; its points then lie at {there:.1f} m instead of {given:.1f} m" if finding.heights_m else ""
+    return f"write crs: {with_vertical(finding.crs, code)} below control (heights in {unit}){heights}"
