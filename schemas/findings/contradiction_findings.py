@@ -7,6 +7,11 @@ from orthomill.schemas.findings.finding import SpokenFinding
 from orthomill.schemas.maps.compound_systems import with_vertical
 
 HEIGHT = 2
+_LIKE = {
+    "shift in height": "Heights in two systems look like that (above the ellipsoid, the sea, the place of take-off)",
+    "scale": "A map of another scale (a web map, distances on the ground), another unit or camera constant looks like that",
+}
+"""What contradictions in a parameter are usually made of, where no single cause stands out"""
 _KINDS = {
     "ellipsoidal": " (the tags say: above the ellipsoid)",
     "sea_level": " (the tags say: above the sea)",
@@ -126,8 +131,8 @@ class SourcesDisagree(SpokenFinding):
         return (
             f"The sources contradict each other in the {self.parameter} of the block: {self.source} would change it by "
             f"{self.value:+.2f} {unit} (standard error {self.sigma:.2f}), all others by {self.others:+.2f} {unit} (standard "
-            f"error {self.others_sigma:.2f}). No flight, height system, unit or camera constant explains it; compare them before "
-            "the result is used."
+            f"error {self.others_sigma:.2f}). {_LIKE.get(self.parameter, 'No flight, height system, unit or zoom explains it')}; "
+            "compare them before the result is used."
         )
 
 

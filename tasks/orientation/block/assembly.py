@@ -110,11 +110,11 @@ def known_of(
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
     camera_of = material.camera_of[start.photos]
     found = approximate_points(model, material.cameras, camera_of, rays, len(points))
-    placed, marks = found.point, _mark_sigma(rays, found)
+    placed, marks = found.point, mark_sigma(rays, found)
     # Tie points measured by a person have no coordinates against which a wrong ray could be found.
     surveyed = np.array([point.role == "control" for point in points], bool)
     twice = surveyed & np.isfinite(placed).all(axis=1)
-    placed[surveyed & ((found.missed > _meeting(marks)) | ~_at_depth(material, start, model, rays, placed))] = np.nan
+    placed[surveyed & ((found.missed > meeting(marks)) | ~_at_depth(material, start, model, rays, placed))] = np.nan
     return model, Known(
         *_positions(photos, names),
         *_coordinates(points),
@@ -128,7 +128,7 @@ def known_of(
     )
 
 
-def _mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
+def mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
     """rad: the standard error of the marks in photographs, by how the rays of most points miss each other; 0 for too few points,
     and for what are no marks of these points."""
     count = np.bincount(rays.point, minlength=len(found.missed))
@@ -142,7 +142,7 @@ def _mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
     return 0.0 if sigma > WORST_MARKS else sigma
 
 
-def _meeting(marks: float) -> float:
+def meeting(marks: float) -> float:
     """rad by which the rays of a point may miss each other where marks are good to `marks` rad."""
     return max(MEETING, BY_CHANCE * marks)
 

@@ -58,7 +58,7 @@ from orthomill.tasks.orientation.sources.elevation_model import Elevation, Eleva
 from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, own_constants, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, given_up
+from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, datum_sentence, given_up
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 ENOUGH_CONTROL = 3
@@ -393,8 +393,19 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     statements = source_statements(sources, problem)
     findings = (*findings, *contradicted_sources(sources, statements, have.control))
     datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
+    datum = _as_adjusted(datum, problem, tested.result)
     zooms = own_constants(sources, problem.names)
     return BlockResults(have.cameras, problem, tested.result, datum, findings, tested.restart, statements, zooms)
+
+
+def _as_adjusted(datum: Datum, problem: Problem, result: Adjustment) -> Datum:
+    """The datum with the sentence of what took part in the end: tests leave observations out, and take others in again."""
+    if datum.free:
+        return datum
+    seen = np.isin(problem.ties + np.arange(len(problem.surveyed)), result.rays.point[result.used])
+    control = int((seen & result.network.point_weight[problem.ties :].any(axis=1)).sum())
+    positions = int(result.network.centre_weight.any(axis=1).sum())
+    return replace(datum, sentence=datum_sentence(positions, control, datum.basis))
 
 
 def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:

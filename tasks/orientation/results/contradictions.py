@@ -25,7 +25,7 @@ from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.network import Rays
-from orthomill.tasks.orientation.block.assembly import MEETING, BlockResults, Problem
+from orthomill.tasks.orientation.block.assembly import BY_CHANCE, BlockResults, Problem, mark_sigma, meeting
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.results.block_results import rays_used
@@ -201,10 +201,13 @@ def _check_measurements(results: BlockResults, control: Control) -> Iterator[Che
     checks = [point for point in control.points if point.role == "check"]
     rays = ground_rays(checks, {name: i for i, name in enumerate(results.problem.names)}, results.cameras)
     missed, size = _check_misfits(results, checks, rays)
+    # Check points are marked as well as the others are.
+    marks = _marks(results, control)
+    constant = np.array([camera.c for camera in results.problem.cameras])[results.problem.camera_of[rays.photo]]
     for i, point in enumerate(checks):
         own = rays.point == i
-        off = own & (size > LIES_ON)
-        meet = missed[i] < MEETING
+        off = own & (size > np.maximum(LIES_ON, BY_CHANCE * marks * constant))
+        meet = missed[i] < meeting(marks)
         if not meet and off.any() and off.sum() < own.sum():
             yield CheckMeasurementsApart(
                 point=point.name,
@@ -217,6 +220,13 @@ def _check_measurements(results: BlockResults, control: Control) -> Iterator[Che
                     for ray in np.flatnonzero(off)
                 ),
             )
+
+
+def _marks(results: BlockResults, control: Control) -> float:
+    """rad: the standard error of the marks of all surveyed points in the photographs, by how their rays miss each other."""
+    problem, points = results.problem, [point for point in control.points if point.role != "tie"]
+    rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
+    return mark_sigma(rays, approximate_points(results.result.state, problem.cameras, problem.camera_of, rays, len(points)))
 
 
 def _check_misfits(results: BlockResults, checks: list[ControlPoint], rays: Rays) -> tuple[np.ndarray, np.ndarray]:

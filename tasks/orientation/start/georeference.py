@@ -93,8 +93,8 @@ class Known:
 class Datum:
     """The datum of a block: `similarity` into local coordinates, `origin` (3,) to be added to these, whether the network is free,
     the expected `up` directions (P, 3) in the image systems (NaN: unknown; None: no verticality constraint is needed), findings for
-    the report, which positions (P,) and control points (n,) are set aside because they lie elsewhere, and the reference system of
-    the block where it is not the project's."""
+    the report, which positions (P,) and control points (n,) are set aside because they lie elsewhere, the reference system of the
+    block where it is not the project's, and what the tilt rests on where an assumption has to give it (`basis`)."""
 
     similarity: Similarity
     origin: np.ndarray
@@ -105,6 +105,7 @@ class Datum:
     positions_aside: np.ndarray
     control_aside: np.ndarray
     system: str | None = None
+    basis: Basis | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +210,9 @@ def _placed_datum(
     findings = _findings(fit, basis, vertical_sigma, known.control[placed & ~aside[1]])
     findings += (looks_up,) if looks_up else ()
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
-    sentence = _sentence(positions, control, basis if fit.weak else None)
-    return Datum(fit.similarity, points.origin, False, up if fit.weak else None, sentence, findings, *aside)
+    rests = basis if fit.weak else None
+    sentence = datum_sentence(positions, control, rests)
+    return Datum(fit.similarity, points.origin, False, up if fit.weak else None, sentence, findings, *aside, basis=rests)
 
 
 def _common_points(model: State, known: Known, shift: bool) -> _CommonPoints:
@@ -362,7 +364,9 @@ def _scale_of_distances(known: Known) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def _sentence(positions: int, control: int, basis: Basis | None) -> str:
+def datum_sentence(positions: int, control: int, basis: Basis | None) -> str:
+    """What defines the datum: numbers of positions and control points that take part, and what the tilt about their line rests on
+    (None: on them)."""
     known = []
     if control:
         known.append(f"{control} ground control point{'s' * (control > 1)}")

@@ -58,6 +58,7 @@ def test_control_from_a_web_map_takes_part_as_it_is_good_and_none_of_it_is_calle
     measured = {point.name: len(point.measurements) for point in block.control.points}
     rows = {row.name: row.photos for row in out["ground_residuals"].points if row.role == "control"}
     assert rows == measured, "neither points nor their measurements are left out"
+    assert "defined by 5 ground control points" in out["block"].datum
 
 
 @pytest.mark.parametrize(("shape", "count"), [("crossed_block", 8), ("facade", 4)])
@@ -69,3 +70,10 @@ def test_marks_of_twenty_pixels_are_no_contradiction_between_control_and_block(s
     assert "datum_misfit" not in codes(out) and out["precision"].blunders == ()
     assert sum(row.photos > 0 for row in out["ground_residuals"].points) == count
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
+
+
+def test_rough_marks_of_check_points_are_not_called_wrong():
+    block = with_marks(layout("crossed_block", "control"), 8, 20.0, np.random.default_rng(1))
+    roles = ["control"] * 5 + ["check"] * 3
+    points = tuple(point.model_copy(update={"role": role}) for point, role in zip(block.control.points, roles, strict=True))
+    assert "check_measurements_apart" not in codes(orient(replace(block, control=Control(points=points))))
