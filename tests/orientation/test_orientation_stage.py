@@ -6,9 +6,11 @@ import pytest
 from box_scene import block
 from pydantic import ValidationError
 
+from orthomill.pipeline.engine.fingerprint import digest, of_value
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job, Table, TextFile
 from orthomill.schemas.observations import TIE_POINT_COUNTS, TiePointCounts
+from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.project import ControlFromFiles, MapSurface, NoControl, SimulatedControl
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
@@ -17,8 +19,9 @@ from orthomill.tasks.orientation.stage import OrientationStage
 FILES = ControlFromFiles(kind="files", points="in/points.csv", measurements="in/measured.csv")
 
 
-KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000)}
-"""what the stage knows of the tie points when it plans"""
+ONE = Photo(name="a", path="a", width=9, height=9, bands=3, dtype="uint8", camera="c", position=(500.0, 900.0, 50.0))
+KNOWN = {TIE_POINT_COUNTS: TiePointCounts(points=500, rays=2000), PHOTOS: Photos(photos=(ONE,))}
+"""what the stage knows of the tie points and the photographs when it plans"""
 
 
 def planned(control, **settings):
@@ -84,6 +87,16 @@ def test_settings_of_the_workflow_reach_the_block():
     job.params["choices"].model_dump_json()
 
 
+@pytest.mark.parametrize("exterior", [{"kind": "adjusted"}, {"kind": "csv", "path": "ori.csv", "use": "start"}])
+def test_an_elevation_model_is_read_where_the_photographs_are(exterior):
+    elevation = {"path": "in/dem.tif", "sigma": 0.5, "system": "EPSG:2100+5773"}
+    job = next(item for item in planned(FILES, exterior=exterior, elevation=elevation) if item.item == "block")
+    read, lattice = job.reads["heights"], job.params["lattice"]
+    assert (read.path, read.crs, read.system) == ("in/dem.tif", "EPSG:2100", "EPSG:2100+5773") and lattice.sigma == 0.5
+    assert read.grid == lattice.grid and (read.window.height, read.window.width) == lattice.grid.shape
+    assert misfit(job) is None and digest(of_value(job.params))
+
+
 FIXED = {"kind": "csv", "path": "ori.csv"}
 OF_THE_ADJUSTMENT = {
     "least_matches": 20,
@@ -94,6 +107,7 @@ OF_THE_ADJUSTMENT = {
     "looking": "level",
     "vertical_sigma": 2.0,
     "rejection": 3.0,
+    "elevation": {"path": "dem.tif", "sigma": 0.5},
 }
 
 
@@ -106,7 +120,7 @@ def test_a_fixed_orientation_refuses_what_only_an_adjustment_reads(name):
 
 
 def test_all_settings_without_effect_are_named_at_once():
-    with pytest.raises(ValidationError, match="vertical_sigma and rejection have no effect with an exterior orientation"):
+    with pytest.raises(ValidationError, match="rejection and elevation have no effect with an exterior orientation"):
         OrientationStage(exterior=FIXED, **OF_THE_ADJUSTMENT)
 
 
