@@ -66,7 +66,8 @@ class OffsetAdjusted(SpokenFinding):
 
 
 class ConstantOfItsOwn(SpokenFinding):
-    """Photographs were taken with another camera constant than the others of their camera, and got a camera of their own."""
+    """Photographs were taken with another camera constant than the others of their camera, and got a camera of their own; or only
+    their positions say so (`used` false), and they kept it."""
 
     code: Literal["constant_of_its_own"] = "constant_of_its_own"
     photos: tuple[str, ...]
@@ -74,11 +75,19 @@ class ConstantOfItsOwn(SpokenFinding):
     """which all of them were thought to have"""
     c_px: float
     others_px: float
-    """the adjusted camera constants of these photographs and of the others"""
+    """the camera constants of these photographs and of the others"""
+    used: bool = True
 
     @property
     def sentence(self) -> str:
         factor = self.c_px / self.others_px
+        if not self.used:
+            return (
+                f"By their positions {photographs(self.photos)} were taken with {factor:.3g} times the camera constant of the "
+                f"other photographs of {self.camera} (zoom, another lens, a second camera of the model), but the photographs "
+                "themselves do not show it clearly: they kept one camera, and the positions contradict it. Compare the focal "
+                "lengths, or give these photographs a camera of their own (camera > serves)."
+            )
         return (
             f"{photographs(self.photos)} were taken with {factor:.3g} times the camera constant of the other photographs of "
             f"{self.camera} ({self.c_px:.0f} and {self.others_px:.0f} px): zoom, another lens or a second camera of the model "

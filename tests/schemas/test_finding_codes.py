@@ -83,7 +83,7 @@ BLOCK_VALUES = {
         "heights": None,
         "zoom": 1.08,
     },
-    "constant_of_its_own": {"photos": ("a", "b"), "camera": "n", "c_px": 1725.0, "others_px": 1150.0},
+    "constant_of_its_own": {"photos": ("a", "b"), "camera": "n", "c_px": 1725.0, "others_px": 1150.0, "used": False},
     "unit_contradicted": {
         "unit": "feet",
         "heights_only": True,

@@ -8,6 +8,8 @@ from orthomill.schemas.camera import Cameras
 from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 
+SMALLEST = 0.005
+"""Cameras of one model differ by a larger share of their constant; less is an error of heights."""
 CLEAR = 25.0
 """By so many squares of standard errors, for rays as independent as areas of a frame, the residuals have to be smaller."""
 AREAS = 9

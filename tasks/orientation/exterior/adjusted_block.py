@@ -391,7 +391,7 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     lenses = () if undetermined else contradicted_lenses(tested.result, problem.camera_names)
     findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras, *lenses)
     statements = source_statements(sources, problem)
-    findings = (*findings, *contradicted_sources(sources, statements, have.control))
+    findings = (*findings, *contradicted_sources(sources, statements, have.control, problem))
     datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
     datum = _as_adjusted(datum, problem, tested.result)
     zooms = own_constants(sources, problem.names)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.camera_findings import ConstantContradicted, DistortionFolds, LensContradicted
-from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted
+from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted, SourcesDisagree, UnitContradicted
 from orthomill.schemas.findings.datum_findings import (
     AxesExchanged,
     BlockBent,
@@ -26,6 +26,7 @@ GRAVE = (
     UnitContradicted,
     SourcesDisagree,
     OffsetAdjusted,
+    ConstantOfItsOwn,
     ControlUnmet,
     LooksUpward,
     AxesExchanged,
@@ -59,4 +60,6 @@ def _is_minor(finding: BlockFinding) -> bool:
     models of lenses leave."""
     if isinstance(finding, BlockBent):
         return not finding.grave
+    if isinstance(finding, ConstantOfItsOwn):
+        return finding.used
     return isinstance(finding, ConstantContradicted) and finding.guessed and not finding.fixed

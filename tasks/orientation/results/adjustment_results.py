@@ -8,6 +8,7 @@ import numpy as np
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.camera_findings import ConstantNominal, PrincipalPointMoved
+from orthomill.schemas.findings.contradiction_findings import SourcesDisagree
 from orthomill.schemas.findings.datum_findings import BlockSeparate, GroupsUnconnected
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
@@ -19,7 +20,7 @@ from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 from orthomill.tasks.orientation.shape.bent_block import bent_block
 from orthomill.tasks.orientation.shape.shape_precision import shape_precision
-from orthomill.tasks.orientation.sources.source_findings import covered_by, offsets_of
+from orthomill.tasks.orientation.sources.source_findings import BEND, covered_by, offsets_of
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -38,7 +39,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
     points = [] if results.datum.free else contradicting_points(results)
     distances = contradicting_distances(results)
-    shape = shape_precision(results)
+    shape, bends = shape_precision(results), tuple(bent_block(results))
     arms = tuple(_lever_arms(problem, result))
     return BlockPrecision(
         image_factor=factors.image,
@@ -64,15 +65,20 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         bend_extent=shape.extent if shape else None,
         white_sigma=_white_sigmas(problem, result),
         findings=(
-            *bent_block(results),
+            *bends,
             *results.datum.findings,
             *_unexplained(results, contradictions(results, points, distances, control)),
-            *results.findings,
+            *(finding for finding in results.findings if not (bends and _about_bend(finding))),
             *_nominal_constants(problem, result),
             *_moved_principal_points(results),
             *_unconnected(problem, apart),
         ),
     )
+
+
+def _about_bend(finding: BlockFinding) -> bool:
+    """Whether sources disagree in the bend of the block, of which positions and attitudes tell more."""
+    return isinstance(finding, SourcesDisagree) and finding.parameter == BEND
 
 
 def _unexplained(results: BlockResults, found: Iterator[BlockFinding]) -> Iterator[BlockFinding]:

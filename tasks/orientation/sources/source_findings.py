@@ -5,7 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.findings.block_findings import BlockFinding
-from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted, SourcesDisagree, UnitContradicted, photographs
+from orthomill.schemas.findings.contradiction_findings import (
+    ConstantOfItsOwn,
+    OffsetAdjusted,
+    SourcesDisagree,
+    UnitContradicted,
+    photographs,
+)
 from orthomill.schemas.findings.datum_findings import DatumMisfit
 from orthomill.schemas.findings.observation_findings import (
     ControlContradicted,
@@ -17,9 +23,10 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import PositionOffset, SourceStatement
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import Problem
-from orthomill.tasks.orientation.block.own_constants import OwnConstant
+from orthomill.tasks.orientation.block.own_constants import SMALLEST, OwnConstant
 from orthomill.tasks.orientation.sources.block_sources import BlockSources
 from orthomill.tasks.orientation.sources.evidence import Source
+from orthomill.tasks.orientation.sources.hypotheses import Bend, Zoom
 from orthomill.tasks.orientation.sources.source_table import Parameter, Said
 
 SOURCES = {
@@ -82,11 +89,12 @@ def _statement(said: Said, problem: Problem) -> SourceStatement:
     )
 
 
-def disagreements(statements: tuple[SourceStatement, ...], pixel: float) -> Iterator[SourcesDisagree]:
-    """The largest contradiction of every parameter that is neither chance nor too small to matter; `pixel` m on the ground."""
+def disagreements(statements: tuple[SourceStatement, ...], sources: BlockSources) -> Iterator[SourcesDisagree]:
+    """The largest contradiction of every parameter that is neither chance nor too small to matter."""
+    pixel, bent = sources.block.pixel, any(isinstance(cause, Bend) for cause in sources.found.causes)
     worst: dict[str, SourceStatement] = {}
     for row in statements:
-        elsewhere = row.parameter == BEND or row.parameter.startswith(HEIGHT_OF)
+        elsewhere = (row.parameter == BEND and not bent) or row.parameter.startswith(HEIGHT_OF)
         if elsewhere or row.others is None or row.others_sigma is None or row.ratio is None:
             continue
         matters = abs(row.value - row.others) > MATTERS.get(row.unit, PIXELS * pixel)
@@ -100,17 +108,39 @@ def disagreements(statements: tuple[SourceStatement, ...], pixel: float) -> Iter
 def own_constants(sources: BlockSources | None, names: tuple[str, ...]) -> tuple[OwnConstant, ...]:
     """Photographs that may have been taken with other camera constants than the others of their cameras."""
     found = sources.found.zooms if sources else ()
-    return tuple(OwnConstant(tuple(names[i] for i in np.flatnonzero(zoom.photos)), 1.0 + share) for zoom, share in found)
+    return tuple(
+        OwnConstant(tuple(names[i] for i in np.flatnonzero(zoom.photos)), 1.0 + share)
+        for zoom, share in found
+        if abs(share) > SMALLEST
+    )
 
 
 def contradicted_sources(
-    sources: BlockSources | None, statements: tuple[SourceStatement, ...], control: Control
+    sources: BlockSources | None, statements: tuple[SourceStatement, ...], control: Control, problem: Problem
 ) -> tuple[BlockFinding, ...]:
     """What the sources of the block as adjusted contradict each other in; `control` as it was read."""
     if sources is None:
         return ()
     units = tuple(unit_findings(sources, control))
-    return units or tuple(disagreements(statements, sources.block.pixel))
+    return units or (*_kept_constants(sources, problem), *disagreements(statements, sources))
+
+
+def _kept_constants(sources: BlockSources, problem: Problem) -> Iterator[ConstantOfItsOwn]:
+    """Photographs that only their positions give another camera constant."""
+    place = len(sources.found.after.parameters) - sum(cause.numbers for cause in sources.found.causes)
+    for cause in sources.found.causes:
+        if isinstance(cause, Zoom):
+            own = np.flatnonzero(cause.photos)
+            camera = int(problem.camera_of[own[0]])
+            constant = problem.cameras[camera].c
+            yield ConstantOfItsOwn(
+                photos=tuple(problem.names[i] for i in own),
+                camera=problem.camera_names[camera],
+                c_px=constant * (1.0 + float(sources.found.after.parameters[place])),
+                others_px=constant,
+                used=False,
+            )
+        place += cause.numbers
 
 
 def unit_findings(sources: BlockSources, control: Control) -> Iterator[UnitContradicted]:
@@ -174,7 +204,8 @@ def offset_findings(
 
 def _zoom(sources: BlockSources, photos: np.ndarray) -> float | None:
     """The factor of another camera constant of `photos` (P,) bool that would explain their offset."""
-    return next((1.0 + share for zoom, share in sources.found.zooms if (zoom.photos == photos).all()), None)
+    same = (share for zoom, share in sources.found.zooms if (zoom.photos == photos).all() and abs(share) > SMALLEST)
+    return next((1.0 + share for share in same), None)
 
 
 def _by_axis(values: dict[int, float]) -> tuple[float | None, float | None, float | None]:

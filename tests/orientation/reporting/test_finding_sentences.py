@@ -156,6 +156,10 @@ SPOKEN = [
         ["metres that were taken for feet", "+5703 below control (heights in metres)."],
     ),
     (
+        f.ConstantOfItsOwn(photos=("a", "b"), camera="cam", c_px=1265.0, others_px=1150.0, used=False),
+        ["By their positions a, b were taken with 1.1 times", "kept one camera", "camera > serves"],
+    ),
+    (
         f.ConstantOfItsOwn(photos=("a", "b", "c"), camera="cam", c_px=1725.0, others_px=1150.0),
         ["a to c (3 photographs)", "1.5 times the camera constant", "of cam (1725 and 1150 px)", "a camera of their own"],
     ),
