@@ -291,10 +291,6 @@ class EpipolarView:
         xy = pixel_to_image(self.view.camera, pixels)
         return self._pixels(np.column_stack([xy, np.full(len(xy), -self.view.camera.c)]) @ self.turn)
 
-    def from_ground(self, points: np.ndarray) -> np.ndarray:
-        """Ground points (N, 3) m to epipolar pixels (N, 2) (col, row); NaN behind the camera."""
-        return self._pixels((points - self.view.centre) @ self.rotation.T)
-
     def _pixels(self, rays: np.ndarray) -> np.ndarray:
         """Epipolar pixels (N, 2) of directions (N, 3) in the base system; NaN for those that look backwards."""
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -364,12 +360,3 @@ def row_partials(xy: np.ndarray, c: float) -> np.ndarray:
     """
     x, y = xy[:, 0], xy[:, 1]
     return np.column_stack([c * (1 + y**2 / c**2), -x * y / c, x])
-
-
-def row_band(xy: np.ndarray, c: float, sigmas: tuple[float, float, float]) -> np.ndarray:
-    """(N,) px: standard error of the row of the homologous point, from standard errors `sigmas` of omega, phi, kappa (rad).
-
-    It is the half-width of the published band of rows. Source: Karfis 2009, section 6.5 (sources/epipolar.md#row-band), check 14,
-    which takes the three angles for uncorrelated.
-    """
-    return np.sqrt((row_partials(xy, c) ** 2 * np.square(sigmas)).sum(axis=1))

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from epipolar_projection import epipolar_pixels
 from plain_resampling import sample_bilinear
 from tiny_block import block, camera, photograph, photos, see, texture
 
@@ -53,7 +54,7 @@ def test_both_images_show_the_same_ground():
     random = np.random.default_rng(5)
     pixels = random.uniform(40, 300, (400, 2))
     ground = see(l_tile.view.view, l_tile.view.to_photo(pixels))
-    other = r_tile.view.from_ground(ground)
+    other = epipolar_pixels(r_tile.view, ground)
     inside = (other > 8).all(axis=1) & (other[:, 0] < right.shape[1] - 8) & (other[:, 1] < right.shape[0] - 8)
     truth = texture(ground[:, 0], ground[:, 1])
     for side, at in ((left, pixels), (right, other)):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from epipolar_projection import epipolar_pixels
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_block import block, see, surface, views
@@ -20,7 +21,6 @@ from orthomill.tasks.geometry.normal_case import (
     mean_direction,
     normal_case,
     polygon_area,
-    row_band,
     row_partials,
 )
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -94,7 +94,7 @@ def test_homologous_points_share_a_row(names):
     parallax = (a[:, 0] - pair.left_col0) - (b[:, 0] - pair.right_col0)
     assert pair.parallax_low <= parallax.min() and parallax.max() <= pair.parallax_high
     np.testing.assert_allclose(intersect_pair(pair, a, parallax), ground[both], atol=1e-6)
-    np.testing.assert_allclose(left.from_ground(ground[both]), a, atol=1e-7)
+    np.testing.assert_allclose(epipolar_pixels(left, ground[both]), a, atol=1e-7)
     for at, shape in ((a, left.shape), (b, right.shape)):
         assert at.min() >= -0.5 and (at.max(axis=0) <= np.array([shape[1], shape[0]]) - 0.5).all()
 
@@ -108,7 +108,7 @@ def test_there_and_back():
 def test_the_principal_point_is_the_origin():
     pair, left, _ = pair_views("a1", "a2")
     nadir = left.view.centre - 100 * np.array(pair.rotation)[2]
-    np.testing.assert_allclose(left.from_ground(nadir[None]), [[left.col0, left.row0]], atol=1e-9)
+    np.testing.assert_allclose(epipolar_pixels(left, nadir[None]), [[left.col0, left.row0]], atol=1e-9)
 
 
 def test_a_tile_sees_its_window_only():
@@ -121,6 +121,11 @@ def test_a_tile_sees_its_window_only():
     assert pixels[:, 0].min() >= photo.col and pixels[:, 0].max() <= photo.col + photo.width - 1
     assert pixels[:, 1].min() >= photo.row and pixels[:, 1].max() <= photo.row + photo.height - 1
     assert left.photo_window(Window(0, 5000, 64, 64)).empty
+
+
+def row_band(xy, c, sigmas):
+    """px: standard error of the row of the homologous point from those of omega, phi, kappa (rad), which are uncorrelated."""
+    return np.sqrt((row_partials(xy, c) ** 2 * np.square(sigmas)).sum(axis=1))
 
 
 def test_row_band_of_the_published_orientations():
@@ -152,7 +157,7 @@ def test_rows_are_equal_and_parallax_grows_with_height_for_any_attitude(tilts, k
     pair = normal_case(left, right, HeightRange(0.0, 40.0))
     views = epipolar_view(pair, "left", left), epipolar_view(pair, "right", right)
     ground = np.column_stack([np.full(5, 55.0), np.full(5, 8.0), np.linspace(0, 40, 5)])
-    a, b = (view.from_ground(ground) for view in views)
+    a, b = (epipolar_pixels(view, ground) for view in views)
     np.testing.assert_allclose(a[:, 1], b[:, 1], atol=1e-8)
     parallax = (a[:, 0] - pair.left_col0) - (b[:, 0] - pair.right_col0)
     depth = -((ground - left.centre) @ np.array(pair.rotation)[2])

@@ -47,15 +47,3 @@ def solve(lower, size, x):
         for k in range(i + 1, size):
             total -= lower[k, i] * x[k]
         x[i] = total * lower[i, i]
-
-
-@njit(error_model="numpy")
-def invert(matrix, size, lower, inverse):
-    """Invert the leading `size` rows of a positive definite matrix; False where it is not. `lower` is scratch."""
-    if not factor(matrix, size, lower):
-        return False
-    for i in range(size):
-        inverse[i, :size] = 0.0
-        inverse[i, i] = 1.0
-        solve(lower, size, inverse[i])
-    return True

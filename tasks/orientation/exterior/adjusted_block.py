@@ -39,7 +39,7 @@ from orthomill.tasks.orientation.block.assembly import (
 from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
-from orthomill.tasks.orientation.block.lens_test import contradicted_lenses
+from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
 from orthomill.tasks.orientation.block.own_constants import clearly_less, own_constant_findings, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma

@@ -1,11 +1,10 @@
-"""Interest points: measures against plain NumPy, known corners, suppression, tiles, masks, distribution."""
+"""Interest points: measures against plain NumPy, known corners, suppression, tiles, masks."""
 
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from orthomill.schemas.raster import Window, tiles_of
-from orthomill.tasks.matching.points.distribution import GridDistribution, GruberDistribution, distributed, gruber_areas
 from orthomill.tasks.matching.points.interest_points import (
     FoerstnerPoints,
     HarrisPoints,
@@ -164,43 +163,3 @@ def test_round_points_are_fewer():
     image = texture(7)
     counts = [len(interest_points(image, FoerstnerPoints(min_weight=300.0, min_roundness=q))) for q in (0.0, 0.75, 0.95)]
     assert counts[0] > counts[1] > counts[2] > 0
-
-
-def random_points(count: int = 3000) -> InterestPoints:
-    rng = np.random.default_rng(0)
-    return InterestPoints(rng.uniform(0, 999, count), rng.uniform(0, 599, count), rng.uniform(1, 2, count).astype(np.float32))
-
-
-def test_every_cell_keeps_its_strongest():
-    points = random_points()
-    chosen = distributed(points, Window(0, 0, 600, 1000), GridDistribution(cell=100, per_cell=2))
-    assert len(chosen) == 2 * 60
-    cells = (np.floor(points.row / 100) * 10 + np.floor(points.col / 100)).astype(int)
-    expected = np.concatenate([np.sort(points.strength[cells == cell])[-2:] for cell in range(60)])
-    assert sorted(chosen.strength) == sorted(expected)
-
-
-def test_a_richly_textured_corner_does_not_get_all_points():
-    points = random_points()
-    points.strength[(points.col < 100) & (points.row < 100)] += 10
-    chosen = distributed(points, Window(0, 0, 600, 1000), GridDistribution(cell=100, per_cell=1))
-    assert ((chosen.col < 100) & (chosen.row < 100)).sum() == 1 and len(chosen) == 60
-
-
-def test_von_gruber_has_six_places():
-    overlap = Window(0, 400, 600, 600)
-    areas = gruber_areas(overlap, 150)
-    assert [(area.row, area.col) for area in areas] == [(0, 400), (0, 850), (225, 400), (225, 850), (450, 400), (450, 850)]
-    chosen = distributed(random_points(), overlap, GruberDistribution(side=150, per_area=5))
-    assert len(chosen) == 30
-    inside = [(np.abs(chosen.col - area.col - 75) <= 76) & (np.abs(chosen.row - area.row - 75) <= 76) for area in areas]
-    assert [int(part.sum()) for part in inside] == [5] * 6
-    small = gruber_areas(Window(0, 0, 90, 100), 400)
-    assert all(area.shape == (30, 50) for area in small) and len({(area.row, area.col) for area in small}) == 6
-
-
-@pytest.mark.parametrize("distribution", [GridDistribution(), GruberDistribution()], ids=lambda distribution: distribution.kind)
-def test_no_points_stay_none(distribution):
-    none = random_points(0)
-    assert len(distributed(none, Window(0, 0, 600, 1000), distribution)) == 0
-    assert len(distributed(random_points(), Window(0, 0, 0, 0), distribution)) == 0
