@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from orthomill.schemas.camera import INTERIOR, LensKind, lens_parameters
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
 ANY_CRS = "EPSG:3857"
@@ -68,7 +69,7 @@ class CameraFromFile(Settings):
     """A camera file written by an earlier calibration (camera.json)."""
 
     kind: Literal["file"]
-    path: str = setting(..., "The camera file, relative to the project's root.")
+    path: ProjectPath = setting(..., "The camera file, relative to the project's root.")
     serves: str = setting("*", SERVES)
 
 
@@ -162,7 +163,7 @@ class PositionsFromFile(Settings):
     REDtoolbox, Pix4D, Metashape, OpenDroneMap (geo.txt) and senseFly write."""
 
     kind: Literal["file"]
-    path: str = setting(..., "The file, relative to the project's root.")
+    path: ProjectPath = setting(..., "The file, relative to the project's root.")
     crs: str | None = setting(
         None,
         "Reference system of the positions, e.g. EPSG:4979 (degrees, heights above the ellipsoid) or EPSG:2100+5773; by default "
@@ -195,17 +196,17 @@ class ControlFromFiles(Settings):
     """Ground control and check points from files: our own columns, or what Pix4D, Metashape (CSV, XML), Leica and others write."""
 
     kind: Literal["files"]
-    points: str = setting(
+    points: ProjectPath = setting(
         ...,
         "CSV with the columns name, role (control, check or tie), x, y, z, sigma_x, sigma_y, sigma_z; a tie point is measured in "
         "photographs only, and its coordinates are left empty. Or a list of another program: name and coordinates.",
     )
-    measurements: str | None = setting(
+    measurements: ProjectPath | None = setting(
         None,
         "CSV with the columns name, photo, col, row, sigma (pixels), or the marks of Pix4D (photo, name, col, row); null: they are "
         "in the file of the points, as in Metashape's XML.",
     )
-    distances: str | None = setting(
+    distances: ProjectPath | None = setting(
         None, "CSV with the columns from, to, metres, sigma: spatial distances measured between these points."
     )
     crs: str | None = setting(
@@ -230,7 +231,7 @@ class ControlFromGcpList(Settings):
     """Ground control in OpenDroneMap's format: the reference system, then lines of X Y Z, col row, photograph and name."""
 
     kind: Literal["gcp_list"]
-    path: str = setting(..., "The file gcp_list.txt.")
+    path: ProjectPath = setting(..., "The file gcp_list.txt.")
     crs: str | None = setting(
         None, "Reference system of the points, e.g. EPSG:4326, where the first line of the file names one that PROJ does not know."
     )
@@ -250,7 +251,7 @@ class ControlFromScans(Settings):
     """Targets of scans that the stage `registration` has put into the project's system, with the precision that they have there."""
 
     kind: Literal["scans"]
-    measurements: str = setting(
+    measurements: ProjectPath = setting(
         ..., "CSV with the columns name, photo, col, row, sigma (pixels) of the targets in the photographs."
     )
     check: tuple[str, ...] = setting((), "Names of the targets that are check points and do not take part in the block adjustment.")

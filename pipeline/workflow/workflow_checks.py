@@ -27,12 +27,11 @@ from orthomill.pipeline.workflow.yaml_lines import Path_
 from orthomill.schemas.errors import OrthomillError, WorkflowError
 from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence, utm_zone
 from orthomill.schemas.project import PhotoFolder, PhotoList, Project
+from orthomill.schemas.project_paths import FileRole, file_roles
 from orthomill.schemas.stage_contract import Stage
 
 SIMULATION = "simulation"
 REGISTRATION = "registration"
-_MAP_FIELDS = frozenset({"dsm", "ortho"})
-_FILE_FIELDS = frozenset({"path", "paths", "points", "measurements", "distances"}) | _MAP_FIELDS
 _MAP_SUFFIXES = (".tif", ".tiff")
 _LONGEST_PATH, _LONGEST_NAME = 4000, 255
 """bytes; Linux allows 4096, the project's folder included"""
@@ -196,22 +195,19 @@ def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -
     elif isinstance(value, PhotoList):
         _check_list(value, base, root, mistakes)
     else:
-        for path, text in _named_files(value, base):
-            _check_file(text, path, root, mistakes)
+        for path, text, role in _named_files(value, base):
+            _check_file(text, path, root, mistakes, is_map=role.is_map)
         for path, model in _models(value, base):
             check_files(model, path, root, mistakes)
 
 
-def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str]]:
-    # By the names of the fields: stages of any catalogue can have files checked without declaring them anywhere else.
-    for name in type(value).model_fields:
-        if name not in _FILE_FIELDS and not name.endswith(("_path", "_paths")):
-            continue
+def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str, FileRole]]:
+    for name, role in file_roles(type(value)).items():
         content = getattr(value, name)
-        if isinstance(content, str | Path):
-            yield (*base, name), str(content)
-        elif isinstance(content, tuple | list):
-            yield from (((*base, name, index), str(item)) for index, item in enumerate(content) if isinstance(item, str | Path))
+        if isinstance(content, str):
+            yield (*base, name), content, role
+        elif content is not None:
+            yield from (((*base, name, index), item, role) for index, item in enumerate(content))
 
 
 def _models(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, BaseModel]]:
@@ -265,7 +261,7 @@ def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) 
         mistakes.add((*base, "paths"), _single(source.paths[0]))
 
 
-def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: str = "file") -> None:
+def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: str = "file", is_map: bool = False) -> None:
     if not _inside(text, path, root, mistakes):
         return
     file = root / text
@@ -273,7 +269,7 @@ def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: st
         mistakes.add(path, f"'{text}' is a folder; a file is needed here.")
     elif not file.is_file():
         mistakes.add(path, f"the {what} '{text}' does not exist{_near_file(file, root)}")
-    elif what == "file" and (path[-1] in _MAP_FIELDS or file.suffix.lower() in _MAP_SUFFIXES):
+    elif what == "file" and (is_map or file.suffix.lower() in _MAP_SUFFIXES):
         _check_map(file, path, mistakes)
 
 

@@ -10,6 +10,7 @@ from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job, MapFile, Raster, Region, Table
 from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.project_paths import ProjectMap
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -85,8 +86,8 @@ class FileReference(Settings):
     """Georeferenced raster files from another source; they are taken to be free of error."""
 
     kind: Literal["file"]
-    dsm: str | None = setting(None, "Raster file with heights, relative to the project's root.")
-    ortho: str | None = setting(None, "RGB raster file, relative to the project's root.")
+    dsm: ProjectMap | None = setting(None, "Raster file with heights, relative to the project's root.")
+    ortho: ProjectMap | None = setting(None, "RGB raster file, relative to the project's root.")
 
 
 class NoReference(Settings):

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
 # The two kinds of scans share this setting, and the reference prints one sentence for both.
@@ -28,8 +29,12 @@ class FiducialMarks(Settings):
     """Scans with fiducial marks: an affine transformation to the calibrated coordinates of the marks."""
 
     kind: Literal["fiducial_marks"]
-    marks_path: str = setting(..., "CSV with the columns mark, x, y: calibrated image coordinates of the marks in mm, y up.")
-    measured_path: str = setting(..., "CSV with the columns photo, mark, col, row: the marks as measured in the scans, in pixels.")
+    marks_path: ProjectPath = setting(
+        ..., "CSV with the columns mark, x, y: calibrated image coordinates of the marks in mm, y up."
+    )
+    measured_path: ProjectPath = setting(
+        ..., "CSV with the columns photo, mark, col, row: the marks as measured in the scans, in pixels."
+    )
     pixel_um: float = setting(
         ...,
         "Side of a pixel of the frame that scans are resampled to, about that of the scan; c in pixels refers to it.",
@@ -47,7 +52,7 @@ class PrincipalPixel(Settings):
     """Scans of which only the principal pixel is known: treated as digital photographs, shifted."""
 
     kind: Literal["principal_pixel"]
-    measured_path: str = setting(
+    measured_path: ProjectPath = setting(
         ..., "CSV with the columns photo, col, row: where the lines between opposite marks intersect, in pixels."
     )
     pixel_um: float | None = setting(None, "Side of a pixel of the scan; needed with picture_mm.", "micrometres", gt=0)

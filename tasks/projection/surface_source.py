@@ -4,6 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
 Unit = Literal["auto", "m", "cm", "mm", "ft"]
@@ -13,7 +14,9 @@ class MeshSurface(Settings):
     """A triangle mesh or a point cloud of any program or scanner, in the system in which the photographs are oriented."""
 
     kind: Literal["mesh"]
-    path: str = setting(..., "PLY, STL, OBJ, GLB, OFF or text; a point cloud (LAZ, PLY, XYZ) is triangulated in its best plane.")
+    path: ProjectPath = setting(
+        ..., "PLY, STL, OBJ, GLB, OFF or text; a point cloud (LAZ, PLY, XYZ) is triangulated in its best plane."
+    )
     unit: Unit = setting(
         "auto", "Unit of its coordinates. auto: metres, and refused where the photographs show that it is another one."
     )

@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 from orthomill.schemas.job import Export, Job, Reading, TextFile
 from orthomill.schemas.observations import REGISTERED_POINTS
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -18,13 +19,13 @@ class RegistrationStage(Stage):
 
     title: ClassVar[str] = "Registration of scans"
     kind: Literal["registration"] = "registration"
-    paths: tuple[str, ...] = setting(
+    paths: tuple[ProjectPath, ...] = setting(
         ...,
         "Targets of the scans, a CSV file for each scan with the columns name, x, y, z in metres of the scan's own system, and "
         "optionally sigma; a scan is called by its file.",
         min_length=2,
     )
-    points: str | None = setting(
+    points: ProjectPath | None = setting(
         None,
         "CSV of surveyed targets in the project's system with the columns name, role (control or check), x, y, z, sigma_x, "
         "sigma_y, sigma_z; without it the first scan defines the system.",

@@ -13,6 +13,7 @@ from pydantic import Field
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.volume.guide_reach import near_tie_points
@@ -35,7 +36,7 @@ class GuideFile(Settings):
     """An existing height model in any CRS; tie points close its holes."""
 
     kind: Literal["file"]
-    path: str = setting(..., "GeoTIFF with heights in metres, relative to the project's root.")
+    path: ProjectPath = setting(..., "GeoTIFF with heights in metres, relative to the project's root.")
 
 
 Guide = Annotated[TiePointGuide | GuideFile, Field(discriminator="kind")]

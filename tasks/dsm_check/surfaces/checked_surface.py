@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
 
@@ -17,7 +18,7 @@ class SurfaceFile(Settings):
     """A surface from a file, of any program, in any projected or geographic system and cell size: GeoTIFF, LAS or LAZ."""
 
     kind: Literal["file"]
-    path: str = setting(..., "GeoTIFF, LAS or LAZ with heights, relative to the project's root.")
+    path: ProjectPath = setting(..., "GeoTIFF, LAS or LAZ with heights, relative to the project's root.")
     system: str | None = setting(None, "Reference system of a file that names none, e.g. EPSG:2100+5773.")
     sigma: float = setting(
         0.0,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.cameras_json import read_block
@@ -65,16 +66,20 @@ class FromAngles(_ForeignFile):
     """A table of X, Y, Z, omega, phi, kappa in metres and degrees; the cameras are those of the calibration."""
 
     kind: Literal["csv"]
-    path: str = setting(..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known).")
+    path: ProjectPath = setting(
+        ..., "CSV with the columns photo, x, y, z, omega, phi, kappa (and sigma_x to sigma_kappa where known)."
+    )
 
 
 class FromColmap(_Foreign):
     """COLMAP's text model."""
 
     kind: Literal["colmap"]
-    cameras_path: str = setting(..., "COLMAP's cameras.txt.")
-    images_path: str = setting(..., "COLMAP's images.txt.")
-    points_path: str | None = setting(None, "COLMAP's points3D.txt: gives the height of the ground where there are no tie points.")
+    cameras_path: ProjectPath = setting(..., "COLMAP's cameras.txt.")
+    images_path: ProjectPath = setting(..., "COLMAP's images.txt.")
+    points_path: ProjectPath | None = setting(
+        None, "COLMAP's points3D.txt: gives the height of the ground where there are no tie points."
+    )
     placed: Literal["project", "positions"] = setting("positions", _PLACED)
 
     @property
@@ -90,8 +95,10 @@ class FromOpensfm(_ForeignFile):
     """The reconstruction.json of OpenSfM, OpenDroneMap or WebODM."""
 
     kind: Literal["opensfm"]
-    path: str = setting(..., "The file opensfm/reconstruction.json.")
-    reference_path: str | None = setting(None, "OpenSfM's reference_lla.json, where the reconstruction does not contain it.")
+    path: ProjectPath = setting(..., "The file opensfm/reconstruction.json.")
+    reference_path: ProjectPath | None = setting(
+        None, "OpenSfM's reference_lla.json, where the reconstruction does not contain it."
+    )
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -102,14 +109,14 @@ class FromMatrices(_ForeignFile):
     """A JSON file of matrices: photograph -> K (px), R_world_to_camera, t (x_camera = R X + t) or centre, width, height."""
 
     kind: Literal["matrices"]
-    path: str = setting(..., "The JSON file; photographs are without distortion unless it states k1, k2, k3, p1, p2.")
+    path: ProjectPath = setting(..., "The JSON file; photographs are without distortion unless it states k1, k2, k3, p1, p2.")
 
 
 class FromBlock(_ForeignFile):
     """The cameras.json of another project of orthomill: orientation, cameras and the heights of the ground."""
 
     kind: Literal["orthomill"]
-    path: str = setting(..., "The file products/cameras.json.")
+    path: ProjectPath = setting(..., "The file products/cameras.json.")
 
 
 ForeignSource = FromAngles | FromColmap | FromOpensfm | FromMatrices | FromBlock

@@ -7,6 +7,7 @@ import numpy as np
 from PIL import Image
 from pydantic import Field
 
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import Stage
 
@@ -46,7 +47,7 @@ class PaintingStage(Stage):
     after: ClassVar[tuple[str, ...]] = ("matching",)
 
     kind: Literal["painting"] = "painting"
-    colours_path: str | None = setting(None, "File with colours.")
+    colours_path: ProjectPath | None = setting(None, "File with colours.")
     note: str = setting("", "Whatever is to be said.")
 
 
