@@ -45,7 +45,7 @@ def test_plan_shows_jobs_bytes_memory_and_reasons_and_writes_nothing(fresh, monk
     said = command("plan", "site")
     assert "not done yet" in said and "peak MiB" in said
     # Headers tell all of the first two stages and the pairs of the third; ~ is a forecast, < its bound.
-    assert re.search(r"photos 14 \(~\d+\) <3 <613 ~0 s <0 s not done yet calibration 1 ", said)
+    assert re.search(r"photos 17 \(~\d+\) <3 <613 ~0 s <0 s not done yet calibration 1 ", said)
     assert re.search(r"tie_points ~\d+ ~\d+ <\d+ ~\d+ <\d+ ", said) and "2 of 4 stages wait for results of earlier stages" in said
     assert re.search(r"As a whole 1 megapixels of photographs take about \d+ MB \(at most \d+; \d+ are free\) and", said)
     assert " workers, by four blocks measured on another machine" in said
@@ -261,7 +261,7 @@ def test_debug_shows_the_traceback(fresh):
         (("--workers", "-1"), "'--workers'"),
         (("--workers", "100000"), "--workers 100000 is too many for the"),
         (("--memory", "10"), "256"),
-        (("--memory", "300"), "photos/index/0/0 needs 600 MiB"),
+        (("--memory", "300"), "photos/pictures/0/0 needs 600 MiB"),
     ],
 )
 def test_numbers_that_cannot_be_are_refused_before_anything_starts(fresh, words, answer):
