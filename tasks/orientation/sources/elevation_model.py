@@ -6,6 +6,7 @@ import numpy as np
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photos
+from orthomill.schemas.project_paths import ProjectMap
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.settings import Settings, setting
 
@@ -18,7 +19,7 @@ MOST_CELLS, SMALLEST = 500, 0.25
 class ElevationFile(Settings):
     """An elevation model of the ground: GeoTIFF, LAS or LAZ."""
 
-    path: str = setting(..., "The file, relative to the project's root.")
+    path: ProjectMap = setting(..., "The file, relative to the project's root.")
     sigma: float = setting(..., "Standard error of its heights, of a single one and of all of them together.", "m", gt=0)
     system: str | None = setting(None, "Reference system of a file that names none, e.g. EPSG:2100+5773.")
 
