@@ -61,7 +61,7 @@ class OffsetAdjusted(SpokenFinding):
             f"The {own} of {photographs(self.photos)} lie {size} those of the others in the block: they were adjusted with an "
             f"offset of their own. Without it the block would be tilted by {self.tilt_deg:.1f} degrees and lie up to "
             f"{self.moved_m:.1f} m elsewhere.{zoomed} Which of them are right the block cannot say{_choice(self)}: compare the "
-            "heights of the flights, or give control."
+            "heights of the flights and the focal lengths (zoom, a second camera), or give control."
         )
 
 
