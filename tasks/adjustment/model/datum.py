@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights
@@ -62,6 +63,28 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
         + huber_cost(size.distance, huber)
     )
+
+
+def standardised_prior(network: Network, state: State) -> tuple[csr_array, np.ndarray]:
+    """All prior information but that on eliminated points, each observation in its standard error: derivatives (r, n) by the
+    unknowns and residuals (r,)."""
+    rows, columns, values, residuals, count = [], [], [], [], 0
+    for of, J, weight, residual in _prior(network, state, prior_factors(network, state, np.inf)):
+        # A root of the weights: correlated observations become as many independent ones.
+        square, axes = np.linalg.eigh(weight)
+        root = np.sqrt(np.maximum(square, 0.0))[:, :, None] * axes.transpose(0, 2, 1)
+        derivatives = root @ J
+        rows.append(np.broadcast_to(count + np.arange(square.size).reshape(*square.shape, 1), derivatives.shape).ravel())
+        columns.append(np.broadcast_to(of[:, None, :], derivatives.shape).ravel())
+        values.append(derivatives.ravel())
+        residuals.append((root @ residual[:, :, None]).ravel())
+        count += square.size
+    row, column, value, rest = map(np.concatenate, (rows, columns, values, residuals))
+    # Parameters without a column are no unknowns; observations without weight or of none of these say nothing.
+    there = (column >= 0) & (value != 0.0)
+    matrix = csr_array((value[there], (row[there], column[there])), shape=(count, network.unknowns))
+    observed = np.diff(matrix.indptr) > 0
+    return matrix[observed], rest[observed]
 
 
 def antennas(network: Network, state: State) -> np.ndarray:

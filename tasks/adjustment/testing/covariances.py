@@ -29,14 +29,20 @@ WORST_CONDITION = 1e15
 @dataclass(frozen=True, eq=False)
 class Motion:
     """How quantities that are many and act on few unknowns each move all of them: the solutions, by `inverse`, for the right-hand
-    sides `pulls` (n, k) of one standard error of each. The solutions (n, k) are dense, and never formed."""
+    sides `pulls` (n, k) of one standard error of each. The solutions (n, k) are dense, and never formed. Where something is `known`
+    (k, d) of the quantities, their covariance is I - known known'."""
 
     inverse: Inverse
     pulls: csc_array
+    known: np.ndarray | None = None
 
     def times(self, vectors: np.ndarray) -> np.ndarray:
         """The covariance of the unknowns under these quantities, times `vectors` (n, k)."""
-        return self.inverse.times(self.pulls @ (self.pulls.T @ self.inverse.times(vectors)))
+        return self.inverse.times(self.pulls @ self.unknown(self.pulls.T @ self.inverse.times(vectors)))
+
+    def unknown(self, vectors: np.ndarray) -> np.ndarray:
+        """The covariance of the quantities times `vectors` (k, m)."""
+        return vectors if self.known is None else vectors - self.known @ (self.known.T @ vectors)
 
 
 @dataclass(frozen=True, eq=False)

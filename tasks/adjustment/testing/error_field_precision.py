@@ -9,16 +9,25 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array, eye_array, hstack, kron
+from scipy.sparse import csc_array, hstack
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
-from orthomill.tasks.adjustment.model.network import Rays
-from orthomill.tasks.adjustment.solve.normal_equations import point_precision, point_precision_alone
+from orthomill.tasks.adjustment.model.network import Network, Rays
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, point_precision_alone
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.covariances import Motion
-from orthomill.tasks.adjustment.testing.error_fields import MOST, TERMS, effects, field_basis, weighted_rays, white_covariance
+from orthomill.tasks.adjustment.testing.error_fields import (
+    MOST,
+    TERMS,
+    amplitudes,
+    effects,
+    field_basis,
+    of_errors,
+    weighted_rays,
+    white_covariance,
+)
 
 
 class FieldEffects(NamedTuple):
@@ -47,19 +56,26 @@ class RayFields(NamedTuple):
     basis: np.ndarray
 
 
-def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> Adjustment:
+def with_correlated_errors(
+    result: Adjustment, errors: CorrelatedErrors, size: np.ndarray, known: np.ndarray | None = None
+) -> Adjustment:
     """The result whose covariances include the `errors`; values, residuals and their tests are the same. `size` (P, 2) px of the
-    photographs."""
+    photographs; `known` (K, d) what is known of the fields, as in `Motion`."""
     network = result.network
-    fields, added, motion = _propagated(result, errors, size)
-    blocks = BlockMatrix(added.pattern, result.cofactor.blocks.values + added.values)
+    fields, added, motion = _propagated(result, errors, size, known)
     rays = weighted_rays(result)
     linear, basis = linearised(network, result.state, rays), field_basis(rays.xy, size[rays.photo])
     # `point_precision` adds the precision of the rays themselves, which the result has already.
     exact = point_precision_alone(linear, added.pattern.start)
     pulls = _pulls(linear, rays, network.camera_of, basis, fields)
     points = point_precision(linear, added)[0] - exact + exact @ pulls @ exact
+    if known is not None and known.size:
+        moved = motion.inverse.times(motion.pulls @ known)
+        # It moves unknowns and rays together; before the kept points, which are unknowns, are read.
+        added.add_product(-moved, moved)
+        points = points - _known_of_points(linear, moved, _known_on_rays(network, rays, basis, errors, known))
     points[network.kept] = added.pieces(network.kept_columns)
+    blocks = BlockMatrix(added.pattern, result.cofactor.blocks.values + added.values)
     return replace(
         result,
         cofactor=replace(result.cofactor, blocks=blocks, correlated=motion),
@@ -69,9 +85,12 @@ def with_correlated_errors(result: Adjustment, errors: CorrelatedErrors, size: n
     )
 
 
-def _propagated(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) -> tuple[FieldEffects, BlockMatrix, Motion]:
-    """What the fields do to the unknowns: near each photograph, the covariance in the blocks of the result, and all of it."""
-    network, (own, shared) = result.network, _amplitudes(errors)
+def _propagated(
+    result: Adjustment, errors: CorrelatedErrors, size: np.ndarray, known: np.ndarray | None
+) -> tuple[FieldEffects, BlockMatrix, Motion]:
+    """What the fields do to the unknowns: near each photograph, the covariance in the blocks of the result, and all of it; of what
+    is known of them only the last takes account."""
+    network, (own, shared) = result.network, amplitudes(errors)
     white, photos = white_covariance(result), np.unique(result.rays.photo[result.used])
     added = BlockMatrix.zero(result.cofactor.blocks.pattern)
     near = _near_photographs(added.pattern, network.photos)
@@ -92,10 +111,8 @@ def _propagated(result: Adjustment, errors: CorrelatedErrors, size: np.ndarray) 
             together[:, network.camera_of[photo]] += moved[:, k]
     of_cameras = shared * together.reshape(network.unknowns, -1)
     added.add_product(of_cameras, of_cameras)
-    pull = hstack(pulls, format="csc")
-    of_camera = csc_array(network.camera_of[photos][:, None] == np.arange(len(network.interior.free)), dtype=float)
-    summed = pull @ kron(of_camera, eye_array(2 * TERMS), format="csc")
-    motion = Motion(white.inverse, hstack([own * pull, shared * summed], format="csc"))
+    cameras = len(network.interior.free)
+    motion = Motion(white.inverse, of_errors(hstack(pulls, format="csc"), errors, network.camera_of[photos], cameras), known)
     return FieldEffects(near.indptr, near.indices, alone, together, own, shared), added, motion
 
 
@@ -108,10 +125,26 @@ def _near_photographs(pattern: Pattern, photos: int) -> csc_array:
     return near
 
 
-def _amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
-    """Standard errors of a coefficient, px: of its part of the photograph, and of that of the camera."""
-    variance = errors.rms_px**2 / TERMS
-    return float(np.sqrt((1.0 - errors.share) * variance)), float(np.sqrt(errors.share * variance))
+def _known_on_rays(network: Network, rays: Rays, basis: np.ndarray, errors: CorrelatedErrors, known: np.ndarray) -> np.ndarray:
+    """(d, M, 2) px: the displacements of the rays by each of the `known` (K, d) combinations of coefficients."""
+    (own, shared), photos = amplitudes(errors), np.unique(rays.photo)
+    single, common = np.vsplit(known, [2 * TERMS * len(photos)])
+    of_photo = own * single.reshape(len(photos), 2, TERMS, -1)
+    of_photo = of_photo + shared * common.reshape(-1, 2, TERMS, known.shape[1])[network.camera_of[photos]]
+    place = np.searchsorted(photos, rays.photo)
+    return np.stack([np.einsum("mt,mkt->mk", basis, each[place]) for each in np.moveaxis(of_photo, 3, 0)])
+
+
+def _known_of_points(linear: Linear, moved: np.ndarray, on_rays: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) what the points are known better by, where the unknowns move by the columns of `moved` (n, d) and the rays by
+    `on_rays` (d, M, 2)."""
+    total = np.zeros((len(linear.frame), 3, 3))
+    for correction, residual in zip(moved.T, on_rays, strict=True):
+        shift = point_corrections(
+            linear._replace(residual=residual, point_residual=np.zeros_like(linear.point_residual)), correction
+        )
+        total += shift[:, :, None] * shift[:, None, :]
+    return total
 
 
 def _pulls(linear: Linear, rays: Rays, camera_of: np.ndarray, basis: np.ndarray, effects: FieldEffects) -> np.ndarray:

@@ -23,6 +23,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
+from scipy.sparse import csc_array, eye_array, hstack, kron
 
 from orthomill.tasks.adjustment.model.linearisation import linearised, seen_pattern
 from orthomill.tasks.adjustment.model.network import Network, Rays
@@ -87,6 +88,15 @@ def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.
 
     At the solution the right-hand side of the unknowns is zero, so that only points which the chosen photographs see contribute.
     """
+    cross, own, right = field_normals(result, size, chosen)
+    moved = -white.times(cross)
+    own = own + cross.T @ moved
+    return Effects(moved, cross, 0.5 * (own + own.T), right)
+
+
+def field_normals(result: Adjustment, size: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The normal equations of the coefficients (k) of the photographs `chosen` after elimination of the points: with the unknowns
+    (n, k), among each other (k, k), and their right-hand side (k,); `size` as in `effects`."""
     network, rays = result.network, weighted_rays(result)
     touched = np.zeros(len(network.point), bool)
     touched[rays.point[np.isin(rays.photo, chosen)]] = True
@@ -104,9 +114,27 @@ def effects(result: Adjustment, size: np.ndarray, white: Covariance, chosen: np.
     unit = np.zeros((count + k, k))
     unit[count:] = np.eye(k)
     cross, own = np.vsplit(normals.matrix.times(unit), [count])
-    moved = -white.times(cross)
-    own = own + cross.T @ moved
-    return Effects(moved, cross, 0.5 * (own + own.T), normals.right[count:])
+    return cross, own, normals.right[count:]
+
+
+def of_errors(pull: csc_array, errors: CorrelatedErrors, camera_of: np.ndarray, cameras: int) -> csc_array:
+    """(n, K) the right-hand sides of one standard error of every coefficient: those of single photographs, photo by photo, then
+    those that cameras share; from `pull` (n, k) of a unit of each photograph's, whose cameras are `camera_of` (p,)."""
+    own, shared = amplitudes(errors)
+    of_camera = csc_array(camera_of[:, None] == np.arange(cameras), dtype=float)
+    summed = pull @ kron(of_camera, eye_array(2 * TERMS), format="csc")
+    return hstack([own * pull, shared * summed], format="csc")
+
+
+def amplitudes(errors: CorrelatedErrors) -> tuple[float, float]:
+    """Standard errors of a coefficient, px: of its part of the photograph, and of that of the camera."""
+    variance = errors.rms_px**2 / TERMS
+    return float(np.sqrt((1.0 - errors.share) * variance)), float(np.sqrt(errors.share * variance))
+
+
+def displacements(rays: Rays, size: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """(M, 2) px at the `rays` of fields with `coefficients` (P, 2, TERMS) px; `size` (P, 2) px of the photographs."""
+    return np.asarray(np.einsum("mt,mkt->mk", field_basis(rays.xy, size[rays.photo]), coefficients[rays.photo]))
 
 
 def _columns(network: Network, rays: Rays, size: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

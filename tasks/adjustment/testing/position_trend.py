@@ -17,7 +17,7 @@ LEAST = 8
 SIGNIFICANT = 5.0
 """Standard errors by which a trend stands out. Not three: errors of a receiver are correlated in time, which the autocorrelation
 of the differences shows in part only."""
-SMOOTH = 0.9
+SMOOTH = 0.95
 """Largest autocorrelation of the differences that is believed: beyond it nothing but the trend would be left."""
 
 
@@ -66,9 +66,10 @@ def height_trend(xy: np.ndarray, difference: np.ndarray) -> HeightTrend | None:
     inverse = np.linalg.pinv(design, rcond=1e-6)
     found = inverse @ difference
     rest = difference - design @ found
-    redundancy = len(xy) - np.linalg.matrix_rank(design, tol=1e-6 * np.linalg.norm(design))
+    fitted = int(np.linalg.matrix_rank(design, tol=1e-6 * np.linalg.norm(design)))
+    redundancy = len(xy) - fitted
     scatter = float(np.sqrt((rest**2).sum() / redundancy)) if redundancy > 0 else np.inf
-    alike = np.sqrt((1.0 + (r := _autocorrelation(rest))) / (1.0 - r))
+    alike = np.sqrt((1.0 + (r := _autocorrelation(rest, fitted))) / (1.0 - r))
     sigma = scatter * alike * np.linalg.norm(inverse, axis=1)
     return HeightTrend(found / unit, sigma / unit, scatter, radius)
 
@@ -77,10 +78,14 @@ def _design(away: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(away)), away, (away**2).sum(axis=1)])
 
 
-def _autocorrelation(rest: np.ndarray) -> float:
+def _autocorrelation(rest: np.ndarray, fitted: int) -> float:
     """That of neighbours in time, 0 to SMOOTH: the standard error of a mean grows with its positive values only."""
     square = float((rest**2).sum())
-    return float(np.clip((rest[1:] * rest[:-1]).sum() / square, 0.0, SMOOTH)) if square > 0 else 0.0
+    if not square > 0:
+        return 0.0
+    found = float((rest[1:] * rest[:-1]).sum() / square)
+    # Every one of the `fitted` coefficients takes a slow part of the differences along (Marriott and Pope 1954).
+    return float(np.clip(found + fitted * (1.0 + found) / len(rest), 0.0, SMOOTH))
 
 
 def without_bend(xy: np.ndarray, difference: np.ndarray) -> np.ndarray:

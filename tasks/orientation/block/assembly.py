@@ -73,6 +73,11 @@ class Problem:
     groups: tuple[tuple[str, ...], ...]
     receivers: tuple[str, ...] = ()
 
+    @property
+    def frame_sizes(self) -> np.ndarray:
+        """(p, 2) px: width and height of the photographs."""
+        return np.array([(self.cameras[k].width, self.cameras[k].height) for k in self.camera_of], float)
+
     def constant_of(self, owner: str) -> float:
         """The given constant (px) of the camera of this name; 0 for any other."""
         return self.cameras[self.camera_names.index(owner)].c if owner in self.camera_names else 0.0

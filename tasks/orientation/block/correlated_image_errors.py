@@ -10,6 +10,7 @@ from orthomill.schemas.findings.camera_findings import ImageErrorsCorrelated
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.error_field_precision import with_correlated_errors
 from orthomill.tasks.adjustment.testing.error_fields import correlated_errors
+from orthomill.tasks.adjustment.testing.predicted_fields import predicted_fields
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 
 NOTABLE = 2.0
@@ -23,12 +24,13 @@ SHAPE = 3
 
 def including_correlation(results: BlockResults) -> BlockResults:
     """The block results whose standard errors include the correlated image errors that the residuals show."""
-    problem, result = results.problem, results.result
-    size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of], float)
+    problem, result, size = results.problem, results.result, results.problem.frame_sizes
     errors = correlated_errors(result, size)
     if errors is None:
         return results
-    correlated = with_correlated_errors(result, errors, size)
+    # A free block has no other observations that say anything of the fields.
+    known = None if result.network.free else predicted_fields(result, errors, size).known
+    correlated = with_correlated_errors(result, errors, size, known)
     return replace(results, result=correlated, findings=(*results.findings, *_notable(problem, result, correlated, errors)))
 
 

@@ -16,6 +16,7 @@ from orthomill.tasks.orientation.block.assembly import Problem
 from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
 from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
+from orthomill.tasks.orientation.exterior.predicted_errors import with_predicted_errors
 from orthomill.tasks.orientation.sources.block_sources import BlockSources, block_sources, with_offsets
 from orthomill.tasks.orientation.sources.causes import DETERMINED
 from orthomill.tasks.orientation.sources.elevation_model import ElevationModel
@@ -36,7 +37,8 @@ class AdjustmentStart:
     def adjusted(self, problem: Problem) -> Tested:
         """The adjustment. Raises GeometryError as `adjust_tested`."""
         held, fixed = _held(self.network, problem, self.interior), self.interior.kind == "fixed"
-        return adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
+        tested = adjust_with_demanded(self.network, self.state, self.rays, self.test, problem.camera_names, held, fixed)
+        return with_predicted_errors(tested, self.network, self.rays, self.test, problem, fixed)
 
 
 @dataclass(frozen=True, eq=False)

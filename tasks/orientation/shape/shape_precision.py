@@ -14,7 +14,7 @@ import numpy as np
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.testing.error_fields import TERMS, field_basis, weighted_rays
+from orthomill.tasks.adjustment.testing.error_fields import TERMS, amplitudes, field_basis, weighted_rays
 from orthomill.tasks.orientation.block.assembly import BlockResults
 
 LEAST = 10
@@ -37,7 +37,6 @@ class ShapePrecision:
 def shape_precision(results: BlockResults) -> ShapePrecision | None:
     """The precision of the shape of the ground at the tie points; None for fewer than LEAST."""
     result, problem = results.result, results.problem
-    size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of], float)
     # Points with two rays only are the least certain, and the first to be wrong.
     count = np.bincount(result.rays.point[result.used], minlength=len(result.state.point))
     count[result.network.kept] = 0
@@ -45,7 +44,7 @@ def shape_precision(results: BlockResults) -> ShapePrecision | None:
     if len(points) < LEAST:
         return None
     forms, extent = bend_forms(result.state.point[points, :2])
-    values, vectors = np.linalg.eigh(form_covariance(result, points, forms, size))
+    values, vectors = np.linalg.eigh(form_covariance(result, points, forms, problem.frame_sizes))
     low, high = np.percentile(forms @ vectors[:, -1], ENDS)
     return ShapePrecision(float(np.sqrt(max(values[-1], 0.0)) * (high - low)), extent)
 
@@ -78,8 +77,7 @@ def form_covariance(result: Adjustment, points: np.ndarray, forms: np.ndarray, s
     moved = result.cofactor.inverse.times(by_unknowns)
     considered = result.cofactor.moves.T @ by_unknowns
     own = np.einsum("na,nal,nk->lk", linear.frame[:, 2], pull, upward)
-    fields = _by_fields(result, rays, by_rays, moved, size)
-    total = by_unknowns.T @ moved + considered.T @ considered + own + fields.T @ fields
+    total = by_unknowns.T @ moved + considered.T @ considered + own + _by_fields(result, rays, by_rays, moved, size)
     return np.asarray(0.5 * (total + total.T))
 
 
@@ -100,11 +98,11 @@ def _by_unknowns(linear: Linear, by_rays: np.ndarray, unknowns: int) -> np.ndarr
 
 
 def _by_fields(result: Adjustment, rays: Rays, by_rays: np.ndarray, moved: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """(fields, k) what one standard error of every coefficient of the fields of correlated errors does to the forms, by the
-    unknowns and by the rays of the points themselves; none where image errors are white."""
+    """(k, k) the covariance of the forms by the fields of correlated errors, through the unknowns and through the rays of the
+    points themselves; 0 where image errors are white."""
     motion, errors = result.cofactor.correlated, result.correlated
     if motion is None or errors is None:
-        return np.zeros((0, by_rays.shape[2]))
+        return np.zeros((by_rays.shape[2],) * 2)
     direct = np.zeros((result.network.photos, 2, TERMS, by_rays.shape[2]))
     basis = field_basis(rays.xy, size[rays.photo])
     np.add.at(direct, rays.photo, np.einsum("mik,mt->mitk", by_rays, basis))
@@ -112,6 +110,7 @@ def _by_fields(result: Adjustment, rays: Rays, by_rays: np.ndarray, moved: np.nd
     of_photos = direct[photos].reshape(len(photos) * 2 * TERMS, -1)
     of_cameras = np.zeros((len(result.network.interior.free), *direct.shape[1:]))
     np.add.at(of_cameras, result.network.camera_of[photos], direct[photos])
-    variance = errors.rms_px**2 / TERMS
-    own, shared = np.sqrt((1.0 - errors.share) * variance), np.sqrt(errors.share * variance)
-    return motion.pulls.T @ moved + np.vstack([own * of_photos, shared * of_cameras.reshape(-1, of_photos.shape[1])])
+    own, shared = amplitudes(errors)
+    # What one standard error of every coefficient does to the forms.
+    fields = motion.pulls.T @ moved + np.vstack([own * of_photos, shared * of_cameras.reshape(-1, of_photos.shape[1])])
+    return np.asarray(fields.T @ motion.unknown(fields))
