@@ -11,11 +11,14 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control, GroundPoints
 from orthomill.schemas.orientation import Block, RelativeOrientations
 from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
+from orthomill.tasks.adjustment.testing.position_trend import height_trend
+from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.results.block_tables import BlockTables
+from orthomill.tasks.orientation.shape.view_trend import view_trend
 from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity
 
 LEAST_MATCHES, REJECTION, VERTICAL = 15, 4.0, 5.0
@@ -28,7 +31,8 @@ NAMES_A_DOME = ("bent", "bend", "dome", "bowl")
 class Judged:
     """A flight that was oriented; lengths in m. `bend`: the range of the quadratic part of the errors of ground heights, over the
     points, `bend_centres`: that of the projection centres; `worst`: its largest deviation from 0, `stated`: the standard error of
-    the height there; `noise_bend`: the bend that the same measurements give with the true camera."""
+    the height there; `noise_bend`: the bend that the same measurements give with the true camera; `told`: the standard error of a
+    bend by the scatter of positions or attitudes, whichever tell it better."""
 
     layout: str
     relief: str
@@ -55,6 +59,7 @@ class Judged:
     y0: float
     iterations: int
     cpu: float
+    told: float
     named: str
     said: str
 
@@ -87,6 +92,7 @@ def judged(flight: Flight) -> Judged:
         stated=stated,
         shape=_stated_shape(tables),
         sigma0=tables.block.sigma0_px,
+        told=_told(flight, tables.block),
         c_error=camera.c - flight.camera.c,
         c_stated=float(np.sqrt(camera.covariance[0][0])) if camera.covariance else 0.0,
         iterations=tables.block.iterations,
@@ -98,7 +104,7 @@ def judged(flight: Flight) -> Judged:
 def _row(flight: Flight, cpu: float, **found) -> Judged:
     camera, nominal = flight.camera, flight.cameras.cameras["cam"]
     nothing = dict.fromkeys(
-        ("bend", "bend_centres", "noise_bend", "worst", "stated", "shape", "sigma0", "c_error", "c_stated"), float("nan")
+        ("bend", "bend_centres", "noise_bend", "worst", "stated", "shape", "told", "sigma0", "c_error", "c_stated"), float("nan")
     )
     known = {
         "photos": len(flight.views),
@@ -158,6 +164,24 @@ def _centre_bend(flight: Flight, block: Block) -> float:
     middle = centres.mean(axis=0)
     error = _placed(found - found.mean(axis=0), centres - middle) - (centres - middle)
     return float(np.ptp(quadratic_part(centres[:, :2], error[:, 2])))
+
+
+def _told(flight: Flight, block: Block) -> float:
+    """m: the standard error of a bend of the centres by positions or attitudes, whichever tell it better; inf without either."""
+    own = {photo.name: photo for photo in flight.photos.photos}
+    photos = [own[name] for name in block.names]
+    centres = np.array([photo.centre for photo in block.photos])
+    sigmas = [np.inf]
+    has = np.array([photo.position is not None for photo in photos])
+    given = np.array([photo.position for photo in photos if photo.position is not None]).reshape(-1, 3)
+    if heights := height_trend(centres[has, :2], centres[has, 2] - given[:, 2]):
+        sigmas.append(float(heights.sigma[3]) * heights.radius**2)
+    turned = np.array([rotation_matrix(*np.radians(photo.omega_phi_kappa)) for photo in block.photos])
+    has = np.array([photo.attitude is not None for photo in photos])
+    up = np.array([rotation_matrix(*np.radians(photo.attitude))[:, 2] for photo in photos if photo.attitude is not None])
+    if views := view_trend(centres[has, :2], turned[has], up.reshape(-1, 3)):
+        sigmas.append(views.sigma * views.extent**2 / 8.0)
+    return min(sigmas)
 
 
 def _placed(found: np.ndarray, truth: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@
 
 FOLDER holds the photographs of the yard (default ../shared/data/rtk_yard). The flight is run as it is, and again without what its
 tags say of precision and calibration. Floor: the 15th percentile of the heights (tie points; with --surface those of dsm.tif) in
-cells of 5 m along the strips, within 15 m of their axis; a quadratic through the cells, those that trees or beams fill left out.
+cells of bands along the strips. The yard slopes across and along for its water, and not every band is seen everywhere: each has a
+height and a slope of its own, and all share one quadratic term. Whether the yard is flat nobody has measured; its positions are.
 """
 
 import tempfile
@@ -21,12 +22,15 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS
 from orthomill.schemas.photo import PHOTOS
+from orthomill.tasks.adjustment.testing.position_trend import height_trend
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
 FACTORY = 1955.65
 """px: the constant that the factory measured, by the tags"""
-CELL, WIDE, FLOOR, HALF = 5.0, 15.0, 25.0, 30.0
-"""m: cells along the strips, half of the width and of the length of what is floor, and half of that over which its sag is stated"""
+CELL, BAND, WIDE, HALF = 4.0, 5.0, 20.0, 30.0
+"""m: cells along the strips in bands beside each other, half of the width of what is floor, and half of its length"""
+LEAST = 20
+"""points that tell the height of the floor in a cell"""
 TAKEN = (b"RtkFlag", b"RtkStd", b"RtkSrc", b"DewarpData", b"CalibratedFocal", b"CalibratedOptical")
 """beginnings of the names of tags that the second run does without"""
 
@@ -36,7 +40,8 @@ class Outcome:
     """What one run of the flight gives; lengths in m, angles in degrees."""
 
     sigma0_px: float
-    sag: float
+    sag: tuple[float, float]
+    bend: tuple[float, float]
     centres: np.ndarray
     stated: np.ndarray
     c: float
@@ -86,6 +91,7 @@ def outcome(run: Path, surface: bool) -> Outcome:
     return Outcome(
         block.sigma0_px,
         _sag(_heights(run, store, surface), centres),
+        _bend(positions, centres),
         np.sqrt(np.mean([np.square(point.difference) for point in positions], axis=0)),
         stated,
         camera.c,
@@ -93,6 +99,12 @@ def outcome(run: Path, surface: bool) -> Outcome:
         _away_from_gimbal(block, own),
         tuple(finding.code for finding in precision.findings),
     )
+
+
+def _bend(positions, centres: np.ndarray) -> tuple[float, float]:
+    """m by which the projection centres bend against their positions, and its standard error by the scatter."""
+    trend = height_trend(centres[:, :2], np.array([point.difference[2] for point in positions]))
+    return (trend.bend, float(trend.sigma[3]) * trend.radius**2) if trend else (np.nan, np.nan)
 
 
 def _heights(run: Path, store: Store, surface: bool) -> np.ndarray:
@@ -107,29 +119,36 @@ def _heights(run: Path, store: Store, surface: bool) -> np.ndarray:
     return np.column_stack([x, y, z[row, col]])
 
 
-def _sag(heights: np.ndarray, centres: np.ndarray) -> float:
-    """m by which the floor leaves its middle over HALF m to both sides."""
+def _sag(heights: np.ndarray, centres: np.ndarray) -> tuple[float, float]:
+    """m by which the floor leaves its middle over HALF m to both sides, and its standard error by the scatter of the cells: one
+    quadratic for all bands, each with a height and a slope of its own."""
     middle = centres[:, :2].mean(axis=0)
     axis = np.linalg.svd(centres[:, :2] - middle, full_matrices=False)[2][0]
     along, across = ((heights[:, :2] - middle) @ np.column_stack([axis, (-axis[1], axis[0])])).T
-    return _sag_of_cells(np.array(list(_cells(along[np.abs(across) < WIDE], heights[np.abs(across) < WIDE, 2]))))
+    band, x, z = np.array(list(_cells(along, across, heights[:, 2]))).T
+    each, x = np.eye(int(band.max()) + 1)[band.astype(int)], x / HALF
+    return _robust_last(np.column_stack([each, each * x[:, None], x**2]), z)
 
 
-def _cells(along: np.ndarray, z: np.ndarray) -> Iterator[tuple[float, float]]:
-    for start in np.arange(-FLOOR, FLOOR, CELL):
-        inside = (along >= start) & (along < start + CELL)
-        if inside.sum() >= 20:
-            yield start + CELL / 2, float(np.percentile(z[inside], 15))
+def _cells(along: np.ndarray, across: np.ndarray, z: np.ndarray) -> Iterator[tuple[int, float, float]]:
+    for number, side in enumerate(np.arange(-WIDE, WIDE, BAND)):
+        for start in np.arange(-HALF, HALF, CELL):
+            inside = (along >= start) & (along < start + CELL) & (across >= side) & (across < side + BAND)
+            if inside.sum() >= LEAST:
+                yield number, float(along[inside].mean()), float(np.percentile(z[inside], 15))
 
 
-def _sag_of_cells(cells: np.ndarray) -> float:
-    """By the quadratic through the cells, the worst left out one by one while they stand out from the others."""
-    while len(cells) > 6:
-        rest = np.abs(cells[:, 1] - np.polyval(np.polyfit(cells[:, 0], cells[:, 1], 2), cells[:, 0]))
-        if rest.max() < 4.0 * max(float(np.median(rest)), 0.01):
-            break
-        cells = np.delete(cells, rest.argmax(), axis=0)
-    return float(np.polyfit(cells[:, 0], cells[:, 1], 2)[0] * HALF**2)
+def _robust_last(design: np.ndarray, z: np.ndarray) -> tuple[float, float]:
+    """The last coefficient and its standard error; cells that trees, walls and cars fill lose their weight."""
+    weight = np.ones(len(z))
+    for _ in range(30):
+        root = np.sqrt(weight)[:, None]
+        found = np.linalg.lstsq(design * root, z * root[:, 0], rcond=None)[0]
+        rest = np.abs(z - design @ found)
+        scatter = max(1.48 * float(np.median(rest)), 0.005)
+        weight = np.minimum(1.0, 1.5 * scatter / np.maximum(rest, 1e-9)) * (rest < 4.0 * scatter)
+    normal = (design * root).T @ (design * root)
+    return float(found[-1]), scatter * float(np.sqrt(np.linalg.pinv(normal)[-1, -1]))
 
 
 def _away_from_gimbal(block, own) -> np.ndarray:
@@ -155,16 +174,17 @@ def _head(source: str) -> Iterator[str]:
     )
     yield ""
     yield (
-        "| tags | sigma0, px | floor over 60 m, m | positions less block, E N H, m | stated by the tags, m | c, px | in its "
-        "standard errors from the factory's | tilts less gimbal, degrees | findings |"
+        "| tags | sigma0, px | floor over 60 m, m | bend of centres against positions, m | positions less block, E N H, m | "
+        "stated by the tags, m | c, px | in its standard errors from the factory's | tilts less gimbal, degrees | findings |"
     )
-    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
 
 
 def _row(name: str, found: Outcome) -> str:
     centres, stated, tilts = (", ".join(f"{v:.3f}" for v in values) for values in (found.centres, found.stated, found.attitude))
     away = abs(found.c - FACTORY) / found.sigma_c
+    sag, bend = (f"{value:+.3f} +- {sigma:.3f}" for value, sigma in (found.sag, found.bend))
     return (
-        f"| {name} | {found.sigma0_px:.3f} | {found.sag:+.3f} | {centres} | {stated} | {found.c:.1f} +- {found.sigma_c:.1f} | "
+        f"| {name} | {found.sigma0_px:.3f} | {sag} | {bend} | {centres} | {stated} | {found.c:.1f} +- {found.sigma_c:.1f} | "
         f"{away:.1f} | {tilts} | {', '.join(found.said)} |"
     )

@@ -28,8 +28,8 @@ NUISANCE = slice(7, None)
 POINTS, BENT_POINTS = 3, 5
 """Control points that determine more than a shift, and those that show a bend"""
 UNKNOWN = np.array([1e4, 1e4, 1e4, 0.3, 0.3, 0.3, 0.05])
-"""Standard errors (m, rad, share) from which on a parameter counts as not determined. Equations are linear: who knows the scale to a
-fifth can name one that turns the block inside out."""
+"""Standard errors (m, rad, share) from which on a parameter counts as not determined. Equations are linear: who knows the scale to
+a fifth can name one that turns the block inside out."""
 
 
 @dataclass(frozen=True, eq=False)
