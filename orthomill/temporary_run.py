@@ -48,13 +48,24 @@ class GivenResults(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         for table, value in self._tables.items():
-            yield Job(self.kind, table.path, _handed_over, {}, {"value": table}, {"value": value})
+            yield Job(
+                stage=self.kind, item=table.path, function=_handed_over, reads={}, writes={"value": table}, params={"value": value}
+            )
         for spec, values in self._rasters:
             yield spec
             for tile in tiles_of(spec.shape, spec.chunk):
                 window = Raster(spec.name, tile.window)
                 part = {"value": values[tile.window.slices]}
-                yield Job(self.kind, spec.name, _handed_over, {}, {"value": window}, part, tile.row, tile.col)
+                yield Job(
+                    stage=self.kind,
+                    item=spec.name,
+                    function=_handed_over,
+                    reads={},
+                    writes={"value": window},
+                    params=part,
+                    row=tile.row,
+                    col=tile.col,
+                )
 
 
 def _handed_over(value: Any) -> Any:

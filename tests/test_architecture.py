@@ -141,6 +141,13 @@ def test_nobody_loads_the_distributions_of_scipy():
     nobody(offenders(modules("schemas", "tasks", "pipeline"), "scipy.stats"))
 
 
+def test_what_a_job_reads_and_writes_is_named_where_it_is_made():
+    texts = {path: path.read_text() for path in modules("tasks", "orthomill")}
+    calls = ((path, node) for path, text in texts.items() if " Job(" in text for node in ast.walk(ast.parse(text)))
+    jobs = ((path, node) for path, node in calls if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Job")
+    nobody(relative(path) for path, job in jobs if job.args)
+
+
 def test_only_the_storage_room_imports_zarr():
     assert {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"storage"}
 

@@ -62,11 +62,29 @@ class ManyTiles(Stage):
         yield from (first, second)
         for tile in tiles_of(first.shape, TILE):
             writes = {"values": Raster(first.name, tile.window)}
-            yield Job("tiles", "made", made, {}, writes, {"window": tile.window}, tile.row, tile.col)
+            yield Job(
+                stage="tiles",
+                item="made",
+                function=made,
+                reads={},
+                writes=writes,
+                params={"window": tile.window},
+                row=tile.row,
+                col=tile.col,
+            )
         for tile in tiles_of(first.shape, TILE):
             read, window = tile.window.grown(MARGIN).clipped(first.shape), tile.window
             reads, writes = {"values": Raster(first.name, read)}, {"mean": Raster(second.name, window)}
-            yield Job("tiles", "smoothed", smoothed, reads, writes, {"read": read, "window": window}, tile.row, tile.col)
+            yield Job(
+                stage="tiles",
+                item="smoothed",
+                function=smoothed,
+                reads=reads,
+                writes=writes,
+                params={"read": read, "window": window},
+                row=tile.row,
+                col=tile.col,
+            )
 
 
 @contextmanager

@@ -107,7 +107,9 @@ class DensificationStage(Stage):
     def plan(self, view: ProjectView) -> _Plan:
         cell = None if self.cell == "auto" else self.cell
         reads: dict[str, Reading] = {"block": BLOCK_TABLE, "pairs": PAIRS, "points": GROUND_POINTS}
-        yield Job(self.kind, "grid", surface_of, reads, {"surface": SURFACE}, {"cell": cell})
+        yield Job(
+            stage=self.kind, item="grid", function=surface_of, reads=reads, writes={"surface": SURFACE}, params={"cell": cell}
+        )
         surface = view.table(SURFACE)
         if isinstance(self.matching, VerticalLineLocus):
             yield from self._lines(view, surface, self.matching)
@@ -153,10 +155,19 @@ class DensificationStage(Stage):
         source = SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step, window)
         yield from self._tiles(view).jobs(source, pairs)
         reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
-        yield Job(self.kind, "report", guided_report, reads, {"report": report_table(self.kind)}, {"settings": matching})
+        yield Job(
+            stage=self.kind,
+            item="report",
+            function=guided_report,
+            reads=reads,
+            writes={"report": report_table(self.kind)},
+            params={"settings": matching},
+        )
 
     def _report_of_pairs(self, pairs: tuple[EpipolarPair, ...]) -> Job:
-        return Job(self.kind, "report", report, _read_of_pairs(pairs), {"report": report_table(self.kind)})
+        return Job(
+            stage=self.kind, item="report", function=report, reads=_read_of_pairs(pairs), writes={"report": report_table(self.kind)}
+        )
 
     def _lines(self, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
         """Blocks of vertical lines, and the surface from them."""
@@ -175,7 +186,7 @@ class DensificationStage(Stage):
         )
         yield from self._tiles(view).jobs(source, view.table(PAIRS).pairs)
         reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS}
-        yield Job(self.kind, "report", line_report, reads, {"report": report_table(self.kind)})
+        yield Job(stage=self.kind, item="report", function=line_report, reads=reads, writes={"report": report_table(self.kind)})
 
 
 def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:

@@ -121,12 +121,12 @@ class DsmCheckStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._surface(view)
         yield Job(
-            self.kind,
-            "pairs",
-            choose_checked_pairs,
-            {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
-            {"checked": CHECKED_PAIRS},
-            {
+            stage=self.kind,
+            item="pairs",
+            function=choose_checked_pairs,
+            reads={"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE},
+            writes={"checked": CHECKED_PAIRS},
+            params={
                 "tile": view.project.tile,
                 "count": self.pairs,
                 "pixels_per_cell": self.pixels_per_cell,
@@ -186,12 +186,12 @@ class DsmCheckStage(Stage):
     def _surface(self, view: ProjectView) -> Job:
         writes: dict[str, Raster | Table] = {"surface": CHECKED_SURFACE}
         if not isinstance(self.surface, SurfaceFile):
-            return Job(self.kind, "surface", measured_surface, {"surface": SURFACE}, writes)
+            return Job(stage=self.kind, item="surface", function=measured_surface, reads={"surface": SURFACE}, writes=writes)
         header = HeightHeader(self.surface.path, view.project.crs, self.surface.system)
         reads: Reads = {"extent": header, "block": BLOCK, "pairs": PAIRS}
         if view.has_stage("densification"):
             reads["surface"] = SURFACE
-        return Job(self.kind, "surface", foreign_surface, reads, writes)
+        return Job(stage=self.kind, item="surface", function=foreign_surface, reads=reads, writes=writes)
 
     def _own(self, view: ProjectView, grid: MapGrid) -> Iterator[RasterSpec | Job]:
         """The surface that the project measured."""
@@ -200,7 +200,7 @@ class DsmCheckStage(Stage):
         for tile in tiles_of(grid.shape, size):
             reads: Reads = {"heights": Raster(HEIGHT, tile.window)}
             writes = {"input": Raster(INPUT, tile.window)}
-            yield Job(self.kind, "input", take_surface, reads, writes, row=tile.row, col=tile.col)
+            yield Job(stage=self.kind, item="input", function=take_surface, reads=reads, writes=writes, row=tile.row, col=tile.col)
 
     def _placed(
         self, view: ProjectView, passes: Passes, source: SurfaceFile
@@ -211,7 +211,14 @@ class DsmCheckStage(Stage):
         reads: Reads = {"heights": given, "block": BLOCK}
         if view.has_stage("orientation"):
             reads["points"] = GROUND_POINTS
-        yield Job(self.kind, "place", place, reads, {"placed": PLACED}, {"grid": coarse, "path": source.path})
+        yield Job(
+            stage=self.kind,
+            item="place",
+            function=place,
+            reads=reads,
+            writes={"placed": PLACED},
+            params={"grid": coarse, "path": source.path},
+        )
         rough, fine = (passes.lowest(level, _PLACING_CELLS) for level in _PLACING_LEVELS)
         for one in sorted({rough, fine, *range(1, passes.lowest(self._levels) + 1)}):
             yield passes.level_pairs(one)
@@ -243,7 +250,16 @@ class DsmCheckStage(Stage):
                 reads |= {"matched": Raster(HEIGHT, tile.window), "provenance": Raster(PROVENANCE, tile.window)}
             writes: dict[str, Raster | Table] = {"input": Raster(INPUT, tile.window), "filled": Raster(FILLED, tile.window)}
             params: dict[str, Any] = {"up": placed.up}
-            yield Job(self.kind, "input", take_file, reads, writes, params, row=tile.row, col=tile.col)
+            yield Job(
+                stage=self.kind,
+                item="input",
+                function=take_file,
+                reads=reads,
+                writes=writes,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+            )
 
     # --- the passes
 
@@ -256,12 +272,12 @@ class DsmCheckStage(Stage):
             windows, near = one.near(tile.window)
             reads: Reads = {"heights": Raster(INPUT, tile.window), "nodes": near, "bends": BENDS, **passes.codes(tile.window)}
             yield Job(
-                self.kind,
-                "answer",
-                correct_tile,
-                reads,
-                _answer(tile, rule.block),
-                {"window": tile.window, "pairs": windows, "rule": rule, "shape": passes.surface.grid.shape},
+                stage=self.kind,
+                item="answer",
+                function=correct_tile,
+                reads=reads,
+                writes=_answer(tile, rule.block),
+                params={"window": tile.window, "pairs": windows, "rule": rule, "shape": passes.surface.grid.shape},
                 row=tile.row,
                 col=tile.col,
                 scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
@@ -320,12 +336,12 @@ class DsmCheckStage(Stage):
         coarse = Raster(COARSE, Window(0, 0, *shape))
         writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}
         return Job(
-            self.kind,
-            "report",
-            report,
-            {"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, "bends": BENDS, **reads},
-            writes,
-            {"blocks": what, **params},
+            stage=self.kind,
+            item="report",
+            function=report,
+            reads={"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, "bends": BENDS, **reads},
+            writes=writes,
+            params={"blocks": what, **params},
             scratch=400 * shape[0] * shape[1],
         )
 

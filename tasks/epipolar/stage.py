@@ -75,11 +75,11 @@ class EpipolarStage(Stage):
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         yield self._pairs_job()
         yield Job(
-            self.kind,
-            "report",
-            report,
-            {"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
-            {"report": report_table(self.kind)},
+            stage=self.kind,
+            item="report",
+            function=report,
+            reads={"block": BLOCK, "pairs": PAIRS, "measured": IMAGE_RESIDUALS, "photos": PHOTOS},
+            writes={"report": report_table(self.kind)},
         )
         # The pairs decide which rasters exist, so the rest can only be planned once their job has run.
         pairs, block, photos = view.table(PAIRS), view.table(BLOCK), view.table(PHOTOS)
@@ -97,7 +97,7 @@ class EpipolarStage(Stage):
             "level": None if self.level == "auto" else self.level,
         }
         reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
-        return Job(self.kind, "pairs", measured_pairs, reads, {"pairs": PAIRS}, params)
+        return Job(stage=self.kind, item="pairs", function=measured_pairs, reads=reads, writes={"pairs": PAIRS}, params=params)
 
     def _grey_ranges(self, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """One stretch for each 16-bit photograph, from its coarsest level."""
@@ -107,11 +107,11 @@ class EpipolarStage(Stage):
             if photo.dtype != "uint8":
                 coarsest = view.raster(photo_raster(name, photo.levels - 1))
                 yield Job(
-                    self.kind,
-                    f"grey-{name}",
-                    photograph_range,
-                    {"overview": Raster(coarsest.name, coarsest.full)},
-                    {"grey": grey_table(name)},
+                    stage=self.kind,
+                    item=f"grey-{name}",
+                    function=photograph_range,
+                    reads={"overview": Raster(coarsest.name, coarsest.full)},
+                    writes={"grey": grey_table(name)},
                 )
 
     def _image(self, pair: EpipolarPair, side: Side, block: Block, photos: Photos, size: int) -> Iterator[RasterSpec | Job]:
@@ -129,12 +129,12 @@ class EpipolarStage(Stage):
         if reads and photo.dtype != "uint8":
             reads["stretch"] = grey_table(photo.name)
         return Job(
-            self.kind,
-            f"{pair.name}-{side}",
-            resample_tile,
-            reads,
-            {"image": Raster(epipolar_raster(pair.name, side), tile.window)},
-            {"tile": of_pair, "photo_window": window, "bicubic": self.interpolation == "bicubic"},
+            stage=self.kind,
+            item=f"{pair.name}-{side}",
+            function=resample_tile,
+            reads=reads,
+            writes={"image": Raster(epipolar_raster(pair.name, side), tile.window)},
+            params={"tile": of_pair, "photo_window": window, "bicubic": self.interpolation == "bicubic"},
             row=tile.row,
             col=tile.col,
             scratch=window.height * window.width * 30,

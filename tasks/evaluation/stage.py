@@ -131,7 +131,14 @@ class EvaluationStage(Stage):
             yield from jobs
         facts = EvaluationFacts(self.reference.kind, tuple(parts))
         reads: Reads = {**parts}
-        yield Job("evaluation", "report", evaluation_report, reads, {"report": report_table("evaluation")}, {"facts": facts})
+        yield Job(
+            stage="evaluation",
+            item="report",
+            function=evaluation_report,
+            reads=reads,
+            writes={"report": report_table("evaluation")},
+            params={"facts": facts},
+        )
 
     def _check(self, view: ProjectView) -> None:
         """Raises WorkflowError when there is no truth to compare with."""
@@ -146,7 +153,13 @@ class EvaluationStage(Stage):
             return
         table = Table("evaluation/orientation.json", OrientationSummary)
         parts["orientation"] = table
-        yield Job("evaluation", "orientation", summarise_orientation, {"block": BLOCK, "truth": TRUTH_BLOCK}, {"summary": table})
+        yield Job(
+            stage="evaluation",
+            item="orientation",
+            function=summarise_orientation,
+            reads={"block": BLOCK, "truth": TRUTH_BLOCK},
+            writes={"summary": table},
+        )
 
     def _file_of(self, product: Literal["dsm", "ortho"]) -> str | None:
         """The reference file of a product; None where it is compared with the truth, or not at all."""
@@ -193,7 +206,14 @@ class EvaluationStage(Stage):
             **pairs,
         }
         params = {"cell": judged.grid.cell, "parallax_sigma": self.parallax_sigma}
-        yield Job("evaluation", f"{item}_summary", summarise_heights, reads, {"summary": parts[item]}, params)
+        yield Job(
+            stage="evaluation",
+            item=f"{item}_summary",
+            function=summarise_heights,
+            reads=reads,
+            writes={"summary": parts[item]},
+            params=params,
+        )
 
     def _ortho(self, view: ProjectView, parts: dict[str, Table]) -> Iterator[RasterSpec | Job]:
         if not self._compares(view, "ortho", "texture"):
@@ -205,14 +225,16 @@ class EvaluationStage(Stage):
         for t, table in zip(tiles, sums, strict=True):
             yield _sums_job(judged, t, table)
         # One fit for the whole image, so one job that waits for all tiles: a fit per tile would hide differences between tiles.
-        yield Job("evaluation", "grey_fit", fit_grey, {"parts": tuple(sums)}, {"fit": FIT})
+        yield Job(stage="evaluation", item="grey_fit", function=fit_grey, reads={"parts": tuple(sums)}, writes={"fit": FIT})
         counts = [Table(f"evaluation/ortho/counts-{t.row}-{t.col}.json", OrthoCounts) for t in tiles]
         moved = [Table(f"evaluation/ortho/shifts-{t.row}-{t.col}.parquet", Shifts) for t in tiles]
         for t, count, shift in zip(tiles, counts, moved, strict=True):
             yield _ortho_job(judged, t, {"counts": count, "shifts": shift, "difference": Raster(ORTHO_DIFFERENCE, t.window)})
         parts["ortho"] = Table("evaluation/ortho.json", OrthoSummary)
         reads: Reads = {"counts": tuple(counts), "shifts": tuple(moved), "fit": FIT}
-        yield Job("evaluation", "ortho_summary", summarise_ortho, reads, {"summary": parts["ortho"]})
+        yield Job(
+            stage="evaluation", item="ortho_summary", function=summarise_ortho, reads=reads, writes={"summary": parts["ortho"]}
+        )
 
 
 def _judge_check(judged: _Judged, parts: dict[str, Table]) -> Iterator[Job]:
@@ -225,9 +247,25 @@ def _judge_check(judged: _Judged, parts: dict[str, Table]) -> Iterator[Job]:
         reads: Reads = {"code": Raster(CHECKED_CODE, t.window), **_truth(place, material=TRUTH_MATERIAL)}
         results.append(Table(f"evaluation/check/{t.row}-{t.col}.parquet", CheckCounts))
         params, scratch = {"place": place, "core": t.window}, _scratch(place, 40)
-        yield Job("evaluation", "check", check_against_truth, reads, {"counts": results[-1]}, params, t.row, t.col, scratch)
+        yield Job(
+            stage="evaluation",
+            item="check",
+            function=check_against_truth,
+            reads=reads,
+            writes={"counts": results[-1]},
+            params=params,
+            row=t.row,
+            col=t.col,
+            scratch=scratch,
+        )
     parts["check"] = Table("evaluation/check.json", CheckSummary)
-    yield Job("evaluation", "check_summary", summarise_check, {"counts": tuple(results)}, {"summary": parts["check"]})
+    yield Job(
+        stage="evaluation",
+        item="check_summary",
+        function=summarise_check,
+        reads={"counts": tuple(results)},
+        writes={"summary": parts["check"]},
+    )
 
 
 def _difference_raster(judged: _Judged) -> RasterSpec:
@@ -242,25 +280,63 @@ def _height_job(judged: _Judged, item: str, source: str, t: Tile, writes: dict[s
     reads: Reads = {key: Raster(name, t.window) for key, name in own.items()}
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window)
-        return Job("evaluation", item, heights_against_file, reads, writes, {"cell": judged.grid.cell}, t.row, t.col)
+        return Job(
+            stage="evaluation",
+            item=item,
+            function=heights_against_file,
+            reads=reads,
+            writes=writes,
+            params={"cell": judged.grid.cell},
+            row=t.row,
+            col=t.col,
+        )
     # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
     reads |= _truth(place, surface=TRUTH_SURFACE, below=TRUTH_BELOW, material=TRUTH_MATERIAL)
     reads |= _truth(place, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
     reads |= {"relative": Raster(RELATIVE_PRECISION, t.window), "block": BLOCK, "true_block": TRUTH_BLOCK}
     params, scratch = {"place": place, "core": t.window}, _scratch(place, 120)
-    return Job("evaluation", item, heights_against_truth, reads, writes, params, t.row, t.col, scratch)
+    return Job(
+        stage="evaluation",
+        item=item,
+        function=heights_against_truth,
+        reads=reads,
+        writes=writes,
+        params=params,
+        row=t.row,
+        col=t.col,
+        scratch=scratch,
+    )
 
 
 def _sums_job(judged: _Judged, t: Tile, table: Table[GreySums]) -> Job:
     reads: Reads = {"ortho": Raster(ORTHO, t.window)}
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window, bands=3)
-        return Job("evaluation", "grey_sums", sums_against_file, reads, {"sums": table}, {}, t.row, t.col)
+        return Job(
+            stage="evaluation",
+            item="grey_sums",
+            function=sums_against_file,
+            reads=reads,
+            writes={"sums": table},
+            params={},
+            row=t.row,
+            col=t.col,
+        )
     place = placement(judged.grid, t.window, judged.reference)
     reads |= _truth(place, truth=TRUTH_ORTHO)
     scratch = _scratch(place, 80)
-    return Job("evaluation", "grey_sums", sums_against_truth, reads, {"sums": table}, {"place": place}, t.row, t.col, scratch)
+    return Job(
+        stage="evaluation",
+        item="grey_sums",
+        function=sums_against_truth,
+        reads=reads,
+        writes={"sums": table},
+        params={"place": place},
+        row=t.row,
+        col=t.col,
+        scratch=scratch,
+    )
 
 
 def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> Job:
@@ -270,12 +346,31 @@ def _ortho_job(judged: _Judged, t: Tile, writes: dict[str, Raster | Table]) -> J
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, window, bands=3)
         params = {"where": OrthoPlace(judged.grid, t.window, window)}
-        return Job("evaluation", "ortho", ortho_against_file, reads, writes, params, t.row, t.col)
+        return Job(
+            stage="evaluation",
+            item="ortho",
+            function=ortho_against_file,
+            reads=reads,
+            writes=writes,
+            params=params,
+            row=t.row,
+            col=t.col,
+        )
     place = placement(judged.grid, window, judged.reference)
     reads |= _truth(place, truth=TRUTH_ORTHO, material=TRUTH_MATERIAL, visibility=TRUTH_VISIBILITY, surface=TRUTH_SURFACE)
     reads |= {"block": TRUTH_BLOCK, "adjusted": BLOCK}
     params = {"where": OrthoTruthPlace(judged.grid, t.window, window, place)}
-    return Job("evaluation", "ortho", ortho_against_truth, reads, writes, params, t.row, t.col, _scratch(place, 250))
+    return Job(
+        stage="evaluation",
+        item="ortho",
+        function=ortho_against_truth,
+        reads=reads,
+        writes=writes,
+        params=params,
+        row=t.row,
+        col=t.col,
+        scratch=_scratch(place, 250),
+    )
 
 
 def _height_results(item: str, t: Tile) -> dict[str, Table]:

@@ -182,9 +182,9 @@ class OrientationStage(Stage):
         # Overlap is that on the surface: of photographs of a facade, footprints on level ground say nothing.
         standing: Reads = {} if block is BLOCK else {"on_plane": BLOCK}
         yield Job(
-            "orientation",
-            "report",
-            report,
+            stage="orientation",
+            item="report",
+            function=report,
             reads={
                 **standing,
                 "photos": PHOTOS,
@@ -200,16 +200,16 @@ class OrientationStage(Stage):
             writes={"report": report_table("orientation")},
         )
         yield Job(
-            "orientation",
-            "products",
-            block_products,
+            stage="orientation",
+            item="products",
+            function=block_products,
             reads={"photos": PHOTOS, "block": block, "points": points},
             writes={name: product_table(name) for name in PRODUCTS},
         )
         yield Job(
-            "orientation",
-            "overlap",
-            overlap_map,
+            stage="orientation",
+            item="overlap",
+            function=overlap_map,
             reads={"block": BLOCK},
             writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
             scratch=64 * SIDE * SIDE,
@@ -218,9 +218,9 @@ class OrientationStage(Stage):
     def _adjusted_jobs(self, view: ProjectView, tables: Tables) -> Iterator[Job]:
         rays = view.table(TIE_POINT_COUNTS).rays
         yield Job(
-            "orientation",
-            "pairs",
-            relate_pairs,
+            stage="orientation",
+            item="pairs",
+            function=relate_pairs,
             reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS},
             writes={"relative": RELATIVE},
             params={"least": self.least_matches},
@@ -248,9 +248,9 @@ class OrientationStage(Stage):
             reads["heights"] = HeightFile(own.path, view.project.crs, lattice.grid, window, own.system)
             params |= {"lattice": lattice}
         yield Job(
-            "orientation",
-            "block",
-            function,
+            stage="orientation",
+            item="block",
+            function=function,
             reads=reads,
             writes=tables | {"separate": SEPARATE_BLOCKS},
             params=params,
@@ -260,7 +260,7 @@ class OrientationStage(Stage):
 
     def _fixed_jobs(self, view: ProjectView, source: ForeignSource, tables: Tables) -> Iterator[Job]:
         """The block of another program; tie points examine it, where the workflow has them."""
-        yield Job("orientation", "pairs", no_pairs, reads={}, writes={"relative": RELATIVE})
+        yield Job(stage="orientation", item="pairs", function=no_pairs, reads={}, writes={"relative": RELATIVE})
         texts = tuple(TextFile(path) for path in source.files)
         reads: Reads = {"photos": PHOTOS, "cameras": CAMERAS, "control": CONTROL, "texts": texts}
         rays = 0
@@ -268,9 +268,9 @@ class OrientationStage(Stage):
         if view.has_stage("tie_points"):
             reads["tie_points"], rays = TIE_POINTS, view.table(TIE_POINT_COUNTS).rays
         yield Job(
-            "orientation",
-            "block",
-            orient_fixed,
+            stage="orientation",
+            item="block",
+            function=orient_fixed,
             reads=reads,
             writes=tables,
             params={"crs": view.project.crs, "source": source},
@@ -280,7 +280,7 @@ class OrientationStage(Stage):
     def _control(self, view: ProjectView) -> Job:
         source = view.project.control
         if source.kind == "none":
-            return Job("orientation", "control", no_control, reads={}, writes={"control": CONTROL})
+            return Job(stage="orientation", item="control", function=no_control, reads={}, writes={"control": CONTROL})
         if source.kind == "gcp_list":
             listed: Reads = {"photos": PHOTOS, "text": TextFile(source.path)}
             return _control_job(control_from_list, listed, {"source": source, "crs": view.project.crs})
@@ -305,9 +305,9 @@ class OrientationStage(Stage):
 def _plane_jobs(grid: PlaneSurface) -> Iterator[Job | Export]:
     """The block in the system of a plane, for the stages after this one."""
     yield Job(
-        "orientation",
-        "plane",
-        block_on_plane,
+        stage="orientation",
+        item="plane",
+        function=block_on_plane,
         reads={"block": SURVEY_BLOCK, "points": SURVEY_POINTS},
         writes={"block": BLOCK, "points": GROUND_POINTS, "plane": PLANE},
         params={"ground": grid},
@@ -320,4 +320,4 @@ def _control_texts(points: str, measurements: str) -> Reads:
 
 
 def _control_job(function: Callable[..., Control], reads: Reads, params: dict[str, Any]) -> Job:
-    return Job("orientation", "control", function, reads=reads, writes={"control": CONTROL}, params=params)
+    return Job(stage="orientation", item="control", function=function, reads=reads, writes={"control": CONTROL}, params=params)

@@ -58,7 +58,7 @@ class PhotosStage(Stage):
         paths = view.image_files(view.project.photographs)
         for number, path in enumerate(paths):
             picture, soundness = {"picture": PhotoPicture(path)}, {"soundness": _soundness(number)}
-            yield Job(self.kind, "pictures", picture_soundness, picture, soundness, row=number)
+            yield Job(stage=self.kind, item="pictures", function=picture_soundness, reads=picture, writes=soundness, row=number)
         yield self._index_job(view, paths)
         # Sizes and numbers of levels are known when the headers have been read: planning continues from here when they are.
         photos = view.table(PHOTOS)

@@ -41,17 +41,17 @@ class RegistrationStage(Stage):
         if self.points:
             reads["surveyed"] = TextFile(self.points)
         yield Job(
-            "registration",
-            "scans",
-            register_scans,
+            stage="registration",
+            item="scans",
+            function=register_scans,
             reads=reads,
             writes={"scans": REGISTERED_SCANS, "points": REGISTERED_POINTS, "residuals": TARGET_RESIDUALS},
             params={"paths": self.paths, "sigma": self.sigma, "rejection": self.rejection},
         )
         yield Job(
-            "registration",
-            "report",
-            report,
+            stage="registration",
+            item="report",
+            function=report,
             reads={"scans": REGISTERED_SCANS, "points": REGISTERED_POINTS, "residuals": TARGET_RESIDUALS},
             writes={"report": report_table("registration")},
         )

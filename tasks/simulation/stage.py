@@ -135,7 +135,14 @@ class SimulationStage(Stage):
             yield from plan_portal(portal, view.project.crs, view.project.tile)
             return
         site, crs, tile = self._site(), view.project.crs, view.project.tile
-        yield Job("simulation", "truth", describe, {}, {"grid": TRUTH_GRID, "block": TRUTH_BLOCK}, {"site": site, "crs": crs})
+        yield Job(
+            stage="simulation",
+            item="truth",
+            function=describe,
+            reads={},
+            writes={"grid": TRUTH_GRID, "block": TRUTH_BLOCK},
+            params={"site": site, "crs": crs},
+        )
         yield from self._plan_scene(site, crs, tile)
         yield from self._plan_photos(site, tile)
         yield from self._plan_boards(site, tile)
@@ -171,14 +178,14 @@ class SimulationStage(Stage):
         for t in tiles_of(grid.shape, tile):
             writes: dict[str, Raster | Table] = {key: Raster(name, t.window) for key, name in _PAINTED.items()}
             yield Job(
-                "simulation",
-                "scene",
-                paint,
-                {},
-                writes,
-                {"site": site, "window": t.window},
-                t.row,
-                t.col,
+                stage="simulation",
+                item="scene",
+                function=paint,
+                reads={},
+                writes=writes,
+                params={"site": site, "window": t.window},
+                row=t.row,
+                col=t.col,
                 # The halo of the shadows, and the mosaic of real photographs with its mean.
                 scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20,
             )
@@ -188,14 +195,14 @@ class SimulationStage(Stage):
         for t in tiles_of(site.grid.shape, tile):
             wide = sight_window(site, t.window)
             yield Job(
-                "simulation",
-                "visibility",
-                see,
-                {"surface": Raster(TRUTH_SURFACE, wide)},
-                {"visibility": Raster(TRUTH_VISIBILITY, t.window)},
-                {"site": site, "window": t.window, "wide": wide},
-                t.row,
-                t.col,
+                stage="simulation",
+                item="visibility",
+                function=see,
+                reads={"surface": Raster(TRUTH_SURFACE, wide)},
+                writes={"visibility": Raster(TRUTH_VISIBILITY, t.window)},
+                params={"site": site, "window": t.window, "wide": wide},
+                row=t.row,
+                col=t.col,
                 scratch=16 * wide.height * wide.width,
             )
 
@@ -211,14 +218,14 @@ class SimulationStage(Stage):
                 reads: dict[str, Region | tuple[Region, ...]] = {key: Raster(raster, ground) for key, raster in _SCENE.items()}
                 params = {"site": site, "shot": (number, self.noise_sigma), "windows": (t.window, ground)}
                 yield Job(
-                    "simulation",
-                    photo.name,
-                    photograph,
-                    reads,
-                    {"photo": Raster(name, t.window)},
-                    params,
-                    t.row,
-                    t.col,
+                    stage="simulation",
+                    item=photo.name,
+                    function=photograph,
+                    reads=reads,
+                    writes={"photo": Raster(name, t.window)},
+                    params=params,
+                    row=t.row,
+                    col=t.col,
                     scratch=52 * ground.height * ground.width + 28 * t.window.height * t.window.width,
                 )
             yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
@@ -231,14 +238,14 @@ class SimulationStage(Stage):
             yield RasterSpec(name=name, shape=shape, dtype="uint8", chunk=tile)
             for t in tiles_of(shape, tile):
                 yield Job(
-                    "simulation",
-                    f"board_{number + 1:02d}",
-                    photograph_boards,
-                    {},
-                    {"photo": Raster(name, t.window)},
-                    {"flight": self.flight, "photo": photo, "pixels": t.window},
-                    t.row,
-                    t.col,
+                    stage="simulation",
+                    item=f"board_{number + 1:02d}",
+                    function=photograph_boards,
+                    reads={},
+                    writes={"photo": Raster(name, t.window)},
+                    params={"flight": self.flight, "photo": photo, "pixels": t.window},
+                    row=t.row,
+                    col=t.col,
                     scratch=12 * t.window.height * t.window.width,
                 )
             file = f"chessboards/board_{number + 1:02d}.tif"
@@ -251,16 +258,21 @@ class SimulationStage(Stage):
             reads: dict[str, Region | tuple[Region, ...]] = {key: Raster(name, window) for key, name in _PLACE.items()}
             places.append(place_table(number))
             yield Job(
-                "simulation",
-                "place",
-                place_point,
-                reads,
-                {"place": places[-1]},
-                {"site": site, "node": node, "window": window},
+                stage="simulation",
+                item="place",
+                function=place_point,
+                reads=reads,
+                writes={"place": places[-1]},
+                params={"site": site, "node": node, "window": window},
                 row=number,
             )
         yield Job(
-            "simulation", "survey", survey_block, {"places": tuple(places)}, {**_SURVEY}, {"site": site, "settings": self.survey}
+            stage="simulation",
+            item="survey",
+            function=survey_block,
+            reads={"places": tuple(places)},
+            writes={**_SURVEY},
+            params={"site": site, "settings": self.survey},
         )
         for name, table in _SURVEY.items():
             yield Export("simulation", name, f"photographs/{name}.csv", "csv", tables=(table,))
@@ -268,12 +280,12 @@ class SimulationStage(Stage):
 
     def _report_job(self, site: Site) -> Job:
         return Job(
-            "simulation",
-            "report",
-            report,
-            {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
-            {"report": report_table("simulation")},
-            {"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)},
+            stage="simulation",
+            item="report",
+            function=report,
+            reads={"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
+            writes={"report": report_table("simulation")},
+            params={"site": site, "survey_settings": self.survey, "boards": (self.board_photos, self.boards, self.noise_sigma)},
         )
 
 

@@ -232,25 +232,39 @@ class TiePointsStage(Stage):
         signatures = {name: Table(f"tie_points/appearance/{name}.parquet", Signature) for name in photos.names}
         size = 4 * DESCRIPTOR * self.max_features
         for name in photos.names:
-            yield Job(self.kind, f"{name} sample", sample, {"photo": _features(name)}, {"sample": samples[name]}, scratch=size)
+            yield Job(
+                stage=self.kind,
+                item=f"{name} sample",
+                function=sample,
+                reads={"photo": _features(name)},
+                writes={"sample": samples[name]},
+                scratch=size,
+            )
         yield Job(
-            self.kind,
-            "vocabulary",
-            vocabulary,
-            {"samples": tuple(samples.values())},
-            {"words": VOCABULARY},
+            stage=self.kind,
+            item="vocabulary",
+            function=vocabulary,
+            reads={"samples": tuple(samples.values())},
+            writes={"words": VOCABULARY},
             scratch=8 * (DESCRIPTOR + WORDS) * SAMPLE * len(photos.names),
         )
         for name in photos.names:
             reads: dict[str, Region | tuple[Region, ...]] = {"photo": _features(name), "words": VOCABULARY}
-            yield Job(self.kind, f"{name} signature", signature, reads, {"signature": signatures[name]}, scratch=4 * size)
+            yield Job(
+                stage=self.kind,
+                item=f"{name} signature",
+                function=signature,
+                reads=reads,
+                writes={"signature": signatures[name]},
+                scratch=4 * size,
+            )
         yield Job(
-            self.kind,
-            "alike",
-            alike,
-            {"photos": PHOTOS, "signatures": tuple(signatures.values())},
-            {"candidates": CANDIDATES},
-            {"neighbourhood": neighbourhood},
+            stage=self.kind,
+            item="alike",
+            function=alike,
+            reads={"photos": PHOTOS, "signatures": tuple(signatures.values())},
+            writes={"candidates": CANDIDATES},
+            params={"neighbourhood": neighbourhood},
             scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
         )
 

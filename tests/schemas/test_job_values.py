@@ -84,9 +84,12 @@ def test_long_tables_are_stored_as_parquet_under_the_stage_that_writes_them():
 
 
 def test_a_job_is_identified_by_its_stage_item_and_tile():
-    job = Job("texture", "tile", len, {}, {}, row=3, col=4)
+    job = Job(stage="texture", item="tile", function=len, reads={}, writes={}, row=3, col=4)
     assert job.key == ("texture", "tile", 3, 4) and job.scratch == 0 and job.params == {}
-    assert Job("texture", "tile", len, {}, {}).key == Export("texture", "tile", "products/a.tif", "cog").key
+    assert (
+        Job(stage="texture", item="tile", function=len, reads={}, writes={}).key
+        == Export("texture", "tile", "products/a.tif", "cog").key
+    )
 
 
 def test_regions_and_tables_are_values():

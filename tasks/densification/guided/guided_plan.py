@@ -114,7 +114,15 @@ class GuidedPlan:
             reads["guide"] = MapFile(guide.path, self.crs, self.posts, whole)
             params["path"] = guide.path
         scratch = 100 * self.posts.rows * self.posts.cols
-        return Job(self.stage, "guide 0", function, reads, {"guide": Raster(guide_raster(0), whole)}, params, scratch=scratch)
+        return Job(
+            stage=self.stage,
+            item="guide 0",
+            function=function,
+            reads=reads,
+            writes={"guide": Raster(guide_raster(0), whole)},
+            params=params,
+            scratch=scratch,
+        )
 
     def _level(self, level: GuidedLevel) -> Iterator[Job]:
         counts: list[Table[GuidedStatistics]] = []
@@ -127,18 +135,24 @@ class GuidedPlan:
         for tile in tiles_of(self.posts.shape, SQUARE_POSTS):
             counts.append(Table(f"densification/guided/{level.number}/cloud/{tile.row}-{tile.col}.json", GuidedStatistics))
             yield self._guide(tile, level, counts[-1])
-        yield Job(self.stage, f"level {level.number}", sum_guided, {"parts": tuple(counts)}, {"sum": level_table(level.number)})
+        yield Job(
+            stage=self.stage,
+            item=f"level {level.number}",
+            function=sum_guided,
+            reads={"parts": tuple(counts)},
+            writes={"sum": level_table(level.number)},
+        )
 
     def _points(self, pair: EpipolarPair, tile: Tile, level: GuidedLevel, counts: Table[GuidedStatistics]) -> Job:
         part = StrategyBlock(pair, tile.window, 1, self.settings.halo(pair, level), level.reduction)
         block = self._block(part, level.factor)
         return Job(
-            self.stage,
-            f"points {level.number} {pair.name}",
-            match_guided_points,
-            self._reads(block, level.number - 1),
-            {"points": points_of_block(level.number, pair.name, tile), "statistics": counts},
-            {"block": block, "level": level, "settings": self.settings},
+            stage=self.stage,
+            item=f"points {level.number} {pair.name}",
+            function=match_guided_points,
+            reads=self._reads(block, level.number - 1),
+            writes={"points": points_of_block(level.number, pair.name, tile), "statistics": counts},
+            params={"block": block, "level": level, "settings": self.settings},
             row=tile.row,
             col=tile.col,
             scratch=block.scratch(tile.window.height * tile.window.width // 16),
@@ -172,16 +186,16 @@ class GuidedPlan:
             if window.row <= block.row < window.row + window.height and window.col <= block.col < window.col + window.width
         ]
         return Job(
-            self.stage,
-            f"guide {level.number}",
-            level_guide,
-            {"before": Raster(guide_raster(level.number - 1), tile.window), "points": Stream(tuple(shown))},
-            {
+            stage=self.stage,
+            item=f"guide {level.number}",
+            function=level_guide,
+            reads={"before": Raster(guide_raster(level.number - 1), tile.window), "points": Stream(tuple(shown))},
+            writes={
                 "guide": Raster(guide_raster(level.number), tile.window),
                 "cloud": cloud_table(level.number, tile),
                 "statistics": counts,
             },
-            {
+            params={
                 "tile": GuideTile(self.posts, tile.window, around, radius),
                 "outliers": self.settings.outliers,
                 "surface": self.surface,
@@ -200,12 +214,12 @@ class GuidedPlan:
         for tile in tiles:
             block = self._block(StrategyBlock(pair, tile.window, step, self.settings.pixel_halo(pair), 0), 1)
             yield Job(
-                self.stage,
-                pair.name,
-                match_every_pixel,
-                self._reads(block, len(self.settings.levels)),
-                block_writes(pair, tile),
-                {"block": block, "settings": self.settings},
+                stage=self.stage,
+                item=pair.name,
+                function=match_every_pixel,
+                reads=self._reads(block, len(self.settings.levels)),
+                writes=block_writes(pair, tile),
+                params={"block": block, "settings": self.settings},
                 row=tile.row,
                 col=tile.col,
                 scratch=block.scratch(AT_ONCE),

@@ -46,7 +46,7 @@ def locus_plan(scene: LocusScene, stage: str, crs: str) -> Iterator[RasterSpec |
     for tile in tiles_of(grid.shape, side):
         tables.append(Table(f"densification/lines/{tile.row}-{tile.col}.json", LineStatistics))
         yield _block_job(locus_block(scene, tile.row, tile.col, tile.window), scene, factor, tables[-1], stage)
-    yield Job(stage, "line-counts", sum_lines, {"parts": tuple(tables)}, {"sum": LINES})
+    yield Job(stage=stage, item="line-counts", function=sum_lines, reads={"parts": tuple(tables)}, writes={"sum": LINES})
     yield Export(stage, "nodes", "products/line_locus.xyz", "xyz", rasters={"nodes": LINE_NODES})
     yield Export(stage, "markers", "products/line_locus_nodes.tif", "cog", rasters={"nodes": MARKERS})
 
@@ -78,12 +78,12 @@ def _block_job(block: LocusBlock, scene: LocusScene, factor: int, table: Table[L
         "statistics": table,
     }
     return Job(
-        stage,
-        "lines",
-        solve_lines,
-        reads,
-        writes,
-        {"block": block, "settings": scene.settings, "factor": factor},
+        stage=stage,
+        item="lines",
+        function=solve_lines,
+        reads=reads,
+        writes=writes,
+        params={"block": block, "settings": scene.settings, "factor": factor},
         row=block.row,
         col=block.col,
         scratch=lines_scratch(block, scene.settings, factor),

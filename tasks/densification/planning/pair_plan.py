@@ -54,7 +54,13 @@ def block_writes(pair: EpipolarPair, tile: Tile) -> dict[str, Raster | Table]:
 def counts_job(stage: str, pair: EpipolarPair, tiles: list[Tile]) -> Job:
     """The statistics of the blocks of a pair together."""
     tables = tuple(block_table(pair.name, tile) for tile in tiles)
-    return Job(stage, f"{pair.name}-statistics", sum_matching, {"parts": tables}, {"sum": matching_table(pair.name)})
+    return Job(
+        stage=stage,
+        item=f"{pair.name}-statistics",
+        function=sum_matching,
+        reads={"parts": tables},
+        writes={"sum": matching_table(pair.name)},
+    )
 
 
 def pair_plan(pair: EpipolarPair, surface: Surface, matching: DenseMatching, stage: str) -> Iterator[RasterSpec | Job]:
@@ -75,12 +81,12 @@ def _block(pair: EpipolarPair, surface: Surface, matching: DenseMatching, tile: 
     if not block.cells.empty:
         reads["heights"] = Raster(JUDGED_HEIGHT, block.cells)
     return Job(
-        stage,
-        pair.name,
-        match_pair_block,
-        reads,
-        block_writes(pair, tile),
-        {"block": block, "matching": matching},
+        stage=stage,
+        item=pair.name,
+        function=match_pair_block,
+        reads=reads,
+        writes=block_writes(pair, tile),
+        params={"block": block, "matching": matching},
         row=tile.row,
         col=tile.col,
         scratch=block.scratch(matching),

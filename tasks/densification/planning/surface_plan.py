@@ -74,7 +74,7 @@ class SurfacePlan:
         for tile in tiles_of(grid.shape, self.tile):
             tables.append(Table(f"densification/cells/{tile.row}-{tile.col}.json", SurfaceStatistics))
             yield self._tile(source, pairs, tile, tables[-1])
-        yield Job(self.stage, "cells", sum_surface, {"parts": tuple(tables)}, {"sum": CELLS})
+        yield Job(stage=self.stage, item="cells", function=sum_surface, reads={"parts": tuple(tables)}, writes={"sum": CELLS})
         yield Export(self.stage, "dsm", "products/dsm.tif", "cog", rasters=_HEIGHTS)
         yield Export(
             self.stage, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
@@ -90,16 +90,16 @@ class SurfacePlan:
             reads["nodes"] = Stream(tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces))
         outputs = {**_HEIGHTS, "pairs": COUNT, "provenance": PROVENANCE}
         return Job(
-            self.stage,
-            "surface",
-            source.function,
-            reads,
-            {
+            stage=self.stage,
+            item="surface",
+            function=source.function,
+            reads=reads,
+            writes={
                 **{key: Raster(name, tile.window) for key, name in outputs.items()},
                 "statistics": table,
                 "points": points_table(tile.row, tile.col),
             },
-            {"tile": _surface_tile(source, tile, work, pieces), "rules": self.rules},
+            params={"tile": _surface_tile(source, tile, work, pieces), "rules": self.rules},
             row=tile.row,
             col=tile.col,
             scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.rules.points),

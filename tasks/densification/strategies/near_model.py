@@ -54,7 +54,15 @@ def model_plan(guide: GuideFile, surface: Surface, stage: str, crs: str) -> Iter
     reads: dict[str, Reading] = {"points": GROUND_POINTS, "block": BLOCK, "guide": MapFile(guide.path, crs, grid, whole)}
     params = {"grid": grid, "path": guide.path, "surface": surface}
     scratch = 100 * grid.rows * grid.cols
-    yield Job(stage, "model", file_guide, reads, {"posts": Raster(MODEL, whole)}, params, scratch=scratch)
+    yield Job(
+        stage=stage,
+        item="model",
+        function=file_guide,
+        reads=reads,
+        writes={"posts": Raster(MODEL, whole)},
+        params=params,
+        scratch=scratch,
+    )
 
 
 def _posts(surface: Surface) -> MapGrid:

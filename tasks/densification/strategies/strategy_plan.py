@@ -37,12 +37,12 @@ def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, surface: 
     if block.model is not None and not block.model.window.empty:
         reads["posts"] = Raster(MODEL, block.model.window)
     return Job(
-        stage,
-        pair.name,
-        match_by_strategy,
-        reads,
-        block_writes(pair, tile),
-        {"block": block, "strategy": strategy},
+        stage=stage,
+        item=pair.name,
+        function=match_by_strategy,
+        reads=reads,
+        writes=block_writes(pair, tile),
+        params={"block": block, "strategy": strategy},
         row=tile.row,
         col=tile.col,
         scratch=block.scratch,

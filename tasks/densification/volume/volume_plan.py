@@ -72,7 +72,7 @@ def guided_terrain_plan(
         params.update(path=guide.path, reach=reach)
     # Tie points are predicted from one another on every size of squares, one after the other.
     scratch = 120 * grid.rows * grid.cols
-    yield Job(stage, "terrain", function, reads, writes, params, scratch=scratch)
+    yield Job(stage=stage, item="terrain", function=function, reads=reads, writes=writes, params=params, scratch=scratch)
 
 
 def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
@@ -94,12 +94,12 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
         reads["coarser"] = Raster(volume_height(tile.level.number + 1), tile.coarser)
     level = tile.level.number
     return Job(
-        stage,
-        f"volume {level}",
-        solve_volume,
-        reads,
-        {"height": Raster(volume_height(level), tile.window), "quality": Raster(volume_quality(level), tile.window)},
-        {"tile": tile, "settings": scene.settings},
+        stage=stage,
+        item=f"volume {level}",
+        function=solve_volume,
+        reads=reads,
+        writes={"height": Raster(volume_height(level), tile.window), "quality": Raster(volume_quality(level), tile.window)},
+        params={"tile": tile, "settings": scene.settings},
         row=tile.row,
         col=tile.col,
         scratch=tile_scratch(tile, scene),
@@ -115,16 +115,16 @@ def _judged(grid: MapGrid, limits: ConfidenceLimits, stage: str, crs: str) -> It
     for tile in tiles_of(grid.shape, SIDE):
         judging = JudgedTile.of(tile.window, grid.shape, terrain_grid(grid).shape)
         yield Job(
-            stage,
-            "volume",
-            judged,
-            {
+            stage=stage,
+            item="volume",
+            function=judged,
+            reads={
                 "height": Raster(volume_height(0), judging.around),
                 "quality": Raster(volume_quality(0), judging.around),
                 "terrain": Raster(TERRAIN, judging.places),
             },
-            {key: Raster(name, tile.window) for key, name in names.items()},
-            {"tile": judging, "settings": limits},
+            writes={key: Raster(name, tile.window) for key, name in names.items()},
+            params={"tile": judging, "settings": limits},
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities, their slices, and sorted copies of the heights.

@@ -129,12 +129,12 @@ class CheckRound:
         factor = self.pairs.pixels_per_cell
         what = WorkingTile(block.of(photo), block.camera_of(photo), self.grid, window, heights, factor, seen, level)
         return Job(
-            KIND,
-            f"{self.item}ortho-{pair.name}-{side}",
-            ortho_tile,
-            reads,
-            {"ortho": Raster(ortho_raster(pair.name, side, self.prefix), tile.window.scaled(factor))},
-            {"tile": what},
+            stage=KIND,
+            item=f"{self.item}ortho-{pair.name}-{side}",
+            function=ortho_tile,
+            reads=reads,
+            writes={"ortho": Raster(ortho_raster(pair.name, side, self.prefix), tile.window.scaled(factor))},
+            params={"tile": what},
             row=tile.row,
             col=tile.col,
             scratch=seen.height * seen.width * 24,
@@ -179,12 +179,12 @@ class CheckRound:
             "heights": Raster(self.heights, what.seen),
         }
         return Job(
-            KIND,
-            f"{self.item}nodes-{pair.name}",
-            check_nodes,
-            reads,
-            {"nodes": Raster(node_raster(pair.name, self.prefix), coarser(tile.window, self.how.step))},
-            {"tile": what, "matching": self.how.matching, "correction": self.how.correction},
+            stage=KIND,
+            item=f"{self.item}nodes-{pair.name}",
+            function=check_nodes,
+            reads=reads,
+            writes={"nodes": Raster(node_raster(pair.name, self.prefix), coarser(tile.window, self.how.step))},
+            params={"tile": what, "matching": self.how.matching, "correction": self.how.correction},
             row=tile.row,
             col=tile.col,
             scratch=seen.height * seen.width * (8 + 45 * factor**2),
@@ -197,8 +197,23 @@ class CheckRound:
             windows, near = self.near(tile.window)
             tables.append(Table(f"dsm_check/apart/{tile.row}-{tile.col}.json", TilePairs))
             params = {"pairs": windows, "grid": self.nodes, "pixel_height": self.pairs.pixel_height}
-            yield Job(KIND, "pairs-apart", compare_pairs, {"nodes": near}, {"apart": tables[-1]}, params, tile.row, tile.col)
-        yield Job(KIND, "bends", pair_bends, {"tiles": tuple(tables), "pairs": CHECKED_PAIRS}, {"bends": BENDS})
+            yield Job(
+                stage=KIND,
+                item="pairs-apart",
+                function=compare_pairs,
+                reads={"nodes": near},
+                writes={"apart": tables[-1]},
+                params=params,
+                row=tile.row,
+                col=tile.col,
+            )
+        yield Job(
+            stage=KIND,
+            item="bends",
+            function=pair_bends,
+            reads={"tiles": tuple(tables), "pairs": CHECKED_PAIRS},
+            writes={"bends": BENDS},
+        )
 
     def near(self, window: Window) -> tuple[tuple[NodeWindow, ...], tuple[Raster, ...]]:
         """The nodes of all pairs in and around a tile: counted over the whole surface, and as regions of the pairs' rasters."""

@@ -135,7 +135,14 @@ class Passes:
         """The pairs of a level, on its grid."""
         params = {"level": level, "tile": self.tile, "count": self.count, "per_place": self.per_place}
         reads: Reads = {"pairs": PAIRS, "block": BLOCK, "surface": CHECKED_SURFACE}
-        return Job(KIND, f"pairs-{level}", choose_level_pairs, reads, {"checked": self.pairs_of(level)}, params)
+        return Job(
+            stage=KIND,
+            item=f"pairs-{level}",
+            function=choose_level_pairs,
+            reads=reads,
+            writes={"checked": self.pairs_of(level)},
+            params=params,
+        )
 
     def placing(self, view: ProjectView, source: SurfaceFile, look: int, level: int, up: float, before: SurfaceShift) -> Plan:
         """The shift of a surface from a file, raised by `up` m, from one pass at a coarse level over the surface moved back by
@@ -148,12 +155,29 @@ class Passes:
             given = HeightFile(source.path, self.scene.crs, there, tile.window, source.system)
             out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
             how = {"up": up - before.up}
-            yield Job(KIND, f"placing-{look}-height", raised, {"heights": given}, out, how, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item=f"placing-{look}-height",
+                function=raised,
+                reads={"heights": given},
+                writes=out,
+                params=how,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
         yield from self._coarse(view, prefix, level, f"{prefix}/height")
         rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
         whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
         params = {"side": PAIRED << level, "before": before}
-        yield Job(KIND, f"placing-{look}-shift", further_shift, {"coarse": whole}, {"shift": shift_after(look)}, params)
+        yield Job(
+            stage=KIND,
+            item=f"placing-{look}-shift",
+            function=further_shift,
+            reads={"coarse": whole},
+            writes={"shift": shift_after(look)},
+            params=params,
+        )
 
     def second_surface(self, view: ProjectView, top: int) -> Plan:
         """The second surface, from level `top` to the first; the result is `SECOND`."""
@@ -171,7 +195,17 @@ class Passes:
             out: dict[str, Raster | Table] = {"height": Raster(f"dsm_check/level-{level}/height", tile.window)}
             params = {"window": tile.window, "given": given, "level": level}
             scratch = 40 * given.height * given.width * (side**2 + START_SIDE**2)
-            yield Job(KIND, f"level-{level}-start", start_surface, {"heights": fine}, out, params, tile.row, tile.col, scratch)
+            yield Job(
+                stage=KIND,
+                item=f"level-{level}-start",
+                function=start_surface,
+                reads={"heights": fine},
+                writes=out,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=scratch,
+            )
 
     def _finer(self, level: int) -> Plan:
         finer = level_surface(self.surface, level - 1)
@@ -181,7 +215,17 @@ class Passes:
             out: dict[str, Raster | Table] = {"heights": Raster(f"dsm_check/level-{level - 1}/height", tile.window)}
             params = {"window": tile.window, "given": given}
             what = f"level-{level}-finer"
-            yield Job(KIND, what, finer_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item=what,
+                function=finer_surface,
+                reads=reads,
+                writes=out,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
 
     def _finest(self, view: ProjectView) -> Plan:
         pixel_height = view.table(self.pairs_of(1)).pixel_height
@@ -193,7 +237,17 @@ class Passes:
             reads |= {"sigma": Raster("dsm_check/level-1/precision", given), "under_test": Raster("dsm_check/input", tile.window)}
             out: dict[str, Raster | Table] = {"second": Raster(SECOND, tile.window), "far": Raster(FAR, tile.window)}
             params = {"window": tile.window, "given": given, "rule": rule}
-            yield Job(KIND, "level-1-finest", finest_surface, reads, out, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item="level-1-finest",
+                function=finest_surface,
+                reads=reads,
+                writes=out,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
 
     def _level_heights(self, level: int) -> RasterSpec:
         grid = level_surface(self.surface, level).grid
@@ -222,7 +276,17 @@ class Passes:
             writes: dict[str, Raster | Table] = {n: Raster(f"{prefix}/{n}", tile.window) for n in ("dh", "precision")}
             writes["coarse"] = Raster(f"{prefix}/coarse", coarser(tile.window, PAIRED))
             params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "cell": coarse.grid.cell}
-            yield Job(KIND, f"{one.item}judge", judge_coarse, reads, writes, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item=f"{one.item}judge",
+                function=judge_coarse,
+                reads=reads,
+                writes=writes,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
 
     # --- full resolution
 
@@ -251,7 +315,17 @@ class Passes:
                 "disputed": Raster(of_round(1, "disputed"), tile.window),
                 "counts": counts_table(tile),
             }
-            yield Job(KIND, "judge", judge, reads, writes, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item="judge",
+                function=judge,
+                reads=reads,
+                writes=writes,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
         yield self._look_again(1)
 
     def _trend(self, one: CheckRound) -> Plan:
@@ -263,10 +337,20 @@ class Passes:
             reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, "bends": BENDS}
             out: dict[str, Raster | Table] = {"coarse": Raster(_FIRST_BLOCKS, coarser(tile.window, size))}
             params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "size": size}
-            yield Job(KIND, "trend-blocks", blocks_of_nodes, reads, out, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item="trend-blocks",
+                function=blocks_of_nodes,
+                reads=reads,
+                writes=out,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
         whole = Raster(_FIRST_BLOCKS, Window(0, 0, *shape))
         params = {"grid": grid, "size": size, "pixel_height": self.pairs.pixel_height}
-        yield Job(KIND, "trend", surface_trend, {"coarse": whole}, {"trend": TREND}, params)
+        yield Job(stage=KIND, item="trend", function=surface_trend, reads={"coarse": whole}, writes={"trend": TREND}, params=params)
 
     @property
     def _of_trend(self) -> Reads:
@@ -300,15 +384,15 @@ class Passes:
                 params = {"window": tile.window, "pairs": windows, "grid": again.nodes, "block": block}
                 what = f"{again.item}judge"
                 yield Job(
-                    KIND,
-                    what,
-                    judge_again,
-                    {"active": active, "nodes": near, "bends": BENDS, **self._of_trend},
-                    out,
-                    params,
-                    tile.row,
-                    tile.col,
-                    _scratch(tile),
+                    stage=KIND,
+                    item=what,
+                    function=judge_again,
+                    reads={"active": active, "nodes": near, "bends": BENDS, **self._of_trend},
+                    writes=out,
+                    params=params,
+                    row=tile.row,
+                    col=tile.col,
+                    scratch=_scratch(tile),
                 )
         yield from self._state_rasters(number)
         for tile in self.tiles():
@@ -328,7 +412,17 @@ class Passes:
             }
             params = {"window": tile.window, "wide": wide, "reach": self._around}
             out: dict[str, Raster | Table] = {"heights": Raster(name, tile.window)}
-            yield Job(KIND, f"rounds/{number}-carry", carry, reads, out, params, tile.row, tile.col, _scratch(tile))
+            yield Job(
+                stage=KIND,
+                item=f"rounds/{number}-carry",
+                function=carry,
+                reads=reads,
+                writes=out,
+                params=params,
+                row=tile.row,
+                col=tile.col,
+                scratch=_scratch(tile),
+            )
 
     @property
     def _around(self) -> int:
@@ -354,7 +448,15 @@ class Passes:
         rule = MergeRule(self.apply, self.significance, size, number, least_change(pixel), precise_enough(pixel))
         params = {"window": tile.window, "parts": parts, "rule": rule}
         return Job(
-            KIND, f"rounds/{number}-merge", merge, reads, self._state(number, tile), params, tile.row, tile.col, _scratch(tile)
+            stage=KIND,
+            item=f"rounds/{number}-merge",
+            function=merge,
+            reads=reads,
+            writes=self._state(number, tile),
+            params=params,
+            row=tile.row,
+            col=tile.col,
+            scratch=_scratch(tile),
         )
 
     def _how(self) -> Comparing:
@@ -410,7 +512,15 @@ class Passes:
             "active": Raster(of_round(number, "active"), Window(0, 0, *shape)),
             "state": state_table(number),
         }
-        return Job(KIND, f"rounds/{number}-state", look_again, reads, writes, {"where": where}, scratch=64 * shape[0] * shape[1])
+        return Job(
+            stage=KIND,
+            item=f"rounds/{number}-state",
+            function=look_again,
+            reads=reads,
+            writes=writes,
+            params={"where": where},
+            scratch=64 * shape[0] * shape[1],
+        )
 
     # --- the end
 
@@ -435,7 +545,17 @@ class Passes:
         if not self.measured:
             reads["filled"] = Raster(FILLED, tile.window)
         params = {"window": tile.window, "wide": wide, "how": how}
-        return Job(KIND, "answer", finish, reads, writes, params, tile.row, tile.col, _scratch(tile))
+        return Job(
+            stage=KIND,
+            item="answer",
+            function=finish,
+            reads=reads,
+            writes=writes,
+            params=params,
+            row=tile.row,
+            col=tile.col,
+            scratch=_scratch(tile),
+        )
 
 
 FILLED = "dsm_check/filled"

@@ -119,27 +119,47 @@ def portal_raster(name: str) -> str:
 def plan_portal(site: PortalSite, crs: str, tile: int) -> Iterator[RasterSpec | Job | Export]:
     """Everything about the portal; nothing depends on a table that has to exist first."""
     yield Job(
-        "simulation", "truth", describe_portal, {}, {"block": TRUTH_BLOCK, "grid": TRUTH_FRONT_GRID}, {"site": site, "crs": crs}
+        stage="simulation",
+        item="truth",
+        function=describe_portal,
+        reads={},
+        writes={"block": TRUTH_BLOCK, "grid": TRUTH_FRONT_GRID},
+        params={"site": site, "crs": crs},
     )
     yield from _plan_front(site, tile)
     for number, orientation in enumerate(portal_orientations()):
         yield from _plan_photograph(site, number, orientation.photo, tile)
     yield Job(
-        "simulation",
-        "survey",
-        portal_survey,
-        {},
-        {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
-        {"site": site},
+        stage="simulation",
+        item="survey",
+        function=portal_survey,
+        reads={},
+        writes={"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
+        params={"site": site},
         scratch=_SCENE_BYTES,
     )
     yield Export("simulation", "control", "photographs/control.csv", "csv", tables=(CONTROL_TABLE,))
     yield Export("simulation", "measurements", "photographs/measurements.csv", "csv", tables=(MEASUREMENTS_TABLE,))
     triangles = int(120.0 / site.scene.scan_cell**2) * 2
-    yield Job("simulation", "scan", portal_scan, {}, {"scan": SCAN_TEXT}, {"site": site}, scratch=_SCENE_BYTES + 600 * triangles)
+    yield Job(
+        stage="simulation",
+        item="scan",
+        function=portal_scan,
+        reads={},
+        writes={"scan": SCAN_TEXT},
+        params={"site": site},
+        scratch=_SCENE_BYTES + 600 * triangles,
+    )
     yield Export("simulation", "scan_file", "photographs/scan.ply", "text", tables=(SCAN_TEXT,))
     reads: dict[str, Reading] = {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
-    yield Job("simulation", "report", portal_report, reads, {"report": report_table("simulation")}, {"site": site})
+    yield Job(
+        stage="simulation",
+        item="report",
+        function=portal_report,
+        reads=reads,
+        writes={"report": report_table("simulation")},
+        params={"site": site},
+    )
 
 
 def _plan_front(site: PortalSite, tile: int) -> Iterator[RasterSpec | Job]:
@@ -152,7 +172,17 @@ def _plan_front(site: PortalSite, tile: int) -> Iterator[RasterSpec | Job]:
         regions = {key: Raster(name, t.window) for key, name in writes.items()}
         params = {"site": site, "window": t.window}
         scratch = _SCENE_BYTES + 120 * t.window.height * t.window.width
-        yield Job("simulation", "front", front_of_portal, {}, regions, params, t.row, t.col, scratch=scratch)
+        yield Job(
+            stage="simulation",
+            item="front",
+            function=front_of_portal,
+            reads={},
+            writes=regions,
+            params=params,
+            row=t.row,
+            col=t.col,
+            scratch=scratch,
+        )
 
 
 def _plan_photograph(site: PortalSite, number: int, name: str, tile: int) -> Iterator[RasterSpec | Job | Export]:
@@ -163,7 +193,17 @@ def _plan_photograph(site: PortalSite, number: int, name: str, tile: int) -> Ite
         writes = {"photo": Raster(portal_raster(name), t.window)}
         params = {"site": site, "number": number, "window": t.window}
         scratch = _SCENE_BYTES + 40 * t.window.height * t.window.width
-        yield Job("simulation", name, photograph_of_portal, {}, writes, params, t.row, t.col, scratch=scratch)
+        yield Job(
+            stage="simulation",
+            item=name,
+            function=photograph_of_portal,
+            reads={},
+            writes=writes,
+            params=params,
+            row=t.row,
+            col=t.col,
+            scratch=scratch,
+        )
     yield Export("simulation", f"{name}_file", f"photographs/{name}.tif", "tiff", {"image": portal_raster(name)})
 
 

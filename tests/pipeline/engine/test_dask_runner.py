@@ -56,7 +56,9 @@ def runner_of(tmp_path):
         runner = DaskRunner(Client(**planned), 2**30, "a test")
         previous: tuple = ()
         for item in items:
-            work = JobOrder(Job("a", item, make_size, {}, {"size": SIZE}), tmp_path, tmp_path, PRINT, "")
+            work = JobOrder(
+                Job(stage="a", item=item, function=make_size, reads={}, writes={"size": SIZE}), tmp_path, tmp_path, PRINT, ""
+            )
             runner.submit(work, previous, 7)
             previous = (work.job.key,)
         return runner
@@ -208,7 +210,11 @@ def test_a_cluster_whose_workers_have_all_gone_is_given_up_in_one_sentence(tmp_p
     for limit, seconds in (("PATIENCE", 0.01), ("LOOKED", 0.02), ("DESERTED", 0.1)):
         monkeypatch.setattr(runner_module, limit, seconds)
     runner = DaskRunner(client := Deserted(looks=5), 2**30, "a test")
-    runner.submit(JobOrder(Job("a", "one", make_size, {}, {"size": SIZE}), tmp_path, tmp_path, PRINT, ""), (), 7)
+    runner.submit(
+        JobOrder(Job(stage="a", item="one", function=make_size, reads={}, writes={"size": SIZE}), tmp_path, tmp_path, PRINT, ""),
+        (),
+        7,
+    )
     with pytest.raises(ResourceError, match="All workers have ended, and none has come back; finished jobs are kept"):
         runner.next()
     assert client.looks < 0, "as long as there were workers it waited"

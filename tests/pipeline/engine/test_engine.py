@@ -130,11 +130,11 @@ def test_the_truth_is_for_the_evaluation_only(tmp_path, region):
     graph = planned_simulation(tmp_path)
     for stage in (kind_of(stage) for stage in STAGES):
         job = Job(
-            stage,
-            "spy",
-            look_at_raster if isinstance(region, Raster) else look_at_table,
-            {"truth": region},
-            {"total": Table(f"{stage}/spy.json", Total)},
+            stage=stage,
+            item="spy",
+            function=look_at_raster if isinstance(region, Raster) else look_at_table,
+            reads={"truth": region},
+            writes={"total": Table(f"{stage}/spy.json", Total)},
         )
         if stage in ("simulation", "evaluation"):
             assert graph.add(job)

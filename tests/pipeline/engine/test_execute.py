@@ -55,7 +55,7 @@ def order(root: Path, job: Job | Export, run: str = "") -> JobOrder:
 
 
 def size_job(function=make_size) -> Job:
-    return Job("a", "size", function, {}, {"size": SIZE}, SIDES)
+    return Job(stage="a", item="size", function=function, reads={}, writes={"size": SIZE}, params=SIDES)
 
 
 def test_a_table_is_written_and_recorded(tmp_path):
@@ -83,7 +83,7 @@ def test_several_results_go_where_their_names_say(tmp_path):
     store = Store(tmp_path / "run")
     store.create(SPEC)
     region = Raster("a/z", SPEC.full)
-    execute(order(tmp_path, Job("a", "size", both, {"z": region}, {"z": region, "size": SIZE})))
+    execute(order(tmp_path, Job(stage="a", item="size", function=both, reads={"z": region}, writes={"z": region, "size": SIZE})))
     assert (store.read("a/z", SPEC.full) == 1).all() and store.table(SIZE).cols == 2
     assert Records(tmp_path / "run").get(KEY).births == {"a/z": store.birth("a/z")}
 
@@ -98,21 +98,30 @@ def test_several_regions_arrive_as_a_tuple(tmp_path):
         return Size(rows=0, cols=0)
 
     regions = (Raster("a/z", Window(0, 0, 3, 4)), Raster("a/z", Window(5, 5, 6, 7)))
-    execute(order(tmp_path, Job("a", "size", shapes, {"parts": regions}, {"size": SIZE})))
+    execute(order(tmp_path, Job(stage="a", item="size", function=shapes, reads={"parts": regions}, writes={"size": SIZE})))
     assert seen == [(3, 4), (6, 7)]
 
 
 @pytest.mark.parametrize("content", [b"a,b\n1,2\n", b"\xef\xbb\xbfa,b\n1,2\n"])
 def test_a_text_arrives_without_a_byte_order_mark(tmp_path, content):
     (tmp_path / "points.csv").write_bytes(content)
-    execute(order(tmp_path, Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})))
+    execute(
+        order(
+            tmp_path, Job(stage="a", item="size", function=measure, reads={"text": TextFile("points.csv")}, writes={"size": SIZE})
+        )
+    )
     assert Store(tmp_path / "run").table(SIZE) == Size(rows=2, cols=8)
 
 
 def test_a_file_that_is_not_text_is_a_sentence(tmp_path):
     (tmp_path / "points.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(JobFailed) as caught:
-        execute(order(tmp_path, Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})))
+        execute(
+            order(
+                tmp_path,
+                Job(stage="a", item="size", function=measure, reads={"text": TextFile("points.csv")}, writes={"size": SIZE}),
+            )
+        )
     assert "holds NUL bytes or other data that are no text" in caught.value.sentence
 
 
@@ -170,8 +179,13 @@ def ends(runner: SequentialRunner) -> dict:
 def test_jobs_after_a_failure_are_blocked_and_others_run(tmp_path):
     runner = SequentialRunner(2**30)
     names = ("first", "after", "last", "alone")
-    jobs = {name: Job("a", name, make_size, {}, {"size": Table(f"a/{name}.json", Size)}, SIDES) for name in names}
-    jobs["first"] = Job("a", "first", refuse, {}, {"size": Table("a/first.json", Size)}, SIDES)
+    jobs = {
+        name: Job(stage="a", item=name, function=make_size, reads={}, writes={"size": Table(f"a/{name}.json", Size)}, params=SIDES)
+        for name in names
+    }
+    jobs["first"] = Job(
+        stage="a", item="first", function=refuse, reads={}, writes={"size": Table("a/first.json", Size)}, params=SIDES
+    )
     for name, before in (("first", ()), ("after", ("first",)), ("last", ("after",)), ("alone", ())):
         runner.submit(order(tmp_path, jobs[name]), tuple(("a", other, 0, 0) for other in before), 0)
     status = {key[1]: ended.status for key, ended in ends(runner).items()}
@@ -195,7 +209,7 @@ class Attempts:
 def test_a_job_is_tried_again(tmp_path, failures, status):
     function = Attempts(failures)
     runner = SequentialRunner(2**30)
-    runner.submit(order(tmp_path, Job("a", "size", function, {}, {"size": SIZE})), (), 0)
+    runner.submit(order(tmp_path, Job(stage="a", item="size", function=function, reads={}, writes={"size": SIZE})), (), 0)
     assert ends(runner)[KEY].status == status and function.calls == ATTEMPTS
 
 

@@ -36,7 +36,16 @@ def look(photo: np.ndarray) -> Size:
 
 
 def tile_job(window: Window, row: int = 0, col: int = 0, name: str = "a/z", stage: str = "a") -> Job:
-    return Job(stage, "tile", write, {}, {"z": Raster(name, window)}, {"window": window}, row, col)
+    return Job(
+        stage=stage,
+        item="tile",
+        function=write,
+        reads={},
+        writes={"z": Raster(name, window)},
+        params={"window": window},
+        row=row,
+        col=col,
+    )
 
 
 @pytest.fixture
@@ -54,7 +63,13 @@ def tiled(graph):
 
 
 def sum_job(*windows: Window) -> Job:
-    return Job("b", "total", add_up, {"parts": tuple(Raster("a/z", window) for window in windows)}, {"total": TOTAL})
+    return Job(
+        stage="b",
+        item="total",
+        function=add_up,
+        reads={"parts": tuple(Raster("a/z", window) for window in windows)},
+        writes={"total": TOTAL},
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -82,8 +97,10 @@ def test_two_regions_of_one_tile_are_one_dependency(tiled):
 
 
 def test_a_reader_of_a_table_depends_on_its_writer(graph):
-    graph.add(Job("a", "size", make_size, {}, {"size": SIZE}, SIDES))
-    planned = graph.add(Job("b", "copy", same, {"size": SIZE}, {"size": Table("b/size.json", Size)}))
+    graph.add(Job(stage="a", item="size", function=make_size, reads={}, writes={"size": SIZE}, params=SIDES))
+    planned = graph.add(
+        Job(stage="b", item="copy", function=same, reads={"size": SIZE}, writes={"size": Table("b/size.json", Size)})
+    )
     assert planned.dependencies == (("a", "size", 0, 0),) and graph.writer_of_table(SIZE.path) == ("a", "size", 0, 0)
 
 
@@ -93,7 +110,7 @@ def test_a_reader_of_a_table_depends_on_its_writer(graph):
 )
 def test_a_reader_of_what_nobody_writes_yet_has_to_wait(graph, function, reads, missing):
     with pytest.raises(NoWriter, match=missing):
-        graph.add(Job("b", "copy", function, reads, {"size": Table("b/size.json", Size)}))
+        graph.add(Job(stage="b", item="copy", function=function, reads=reads, writes={"size": Table("b/size.json", Size)}))
     assert not graph.jobs
 
 
@@ -119,7 +136,10 @@ def test_a_job_planned_again_is_the_same_job(graph):
         (tile_job(Window(0, 0, 64, 64), 7, 7, name="a/other"), "was not announced"),
         (sum_job(Window(90, 0, 20, 10)), "which has the shape"),
         (sum_job(Window(0, 0, 0, 0)), "which has the shape"),
-        (Job("b", "copy", same, {"z": Raster("a/z", Window(0, 0, 1, 1))}, {"size": SIZE}), "does not fit the function same"),
+        (
+            Job(stage="b", item="copy", function=same, reads={"z": Raster("a/z", Window(0, 0, 1, 1))}, writes={"size": SIZE}),
+            "does not fit the function same",
+        ),
     ],
 )
 def test_jobs_that_cannot_be_run_are_refused(tiled, job, sentence):
@@ -128,9 +148,9 @@ def test_jobs_that_cannot_be_run_are_refused(tiled, job, sentence):
 
 
 def test_two_writers_of_a_table_are_refused(graph):
-    graph.add(Job("a", "size", make_size, {}, {"size": SIZE}, SIDES))
+    graph.add(Job(stage="a", item="size", function=make_size, reads={}, writes={"size": SIZE}, params=SIDES))
     with pytest.raises(GraphError, match="has two writers"):
-        graph.add(Job("b", "size", make_size, {}, {"size": SIZE}, SIDES))
+        graph.add(Job(stage="b", item="size", function=make_size, reads={}, writes={"size": SIZE}, params=SIDES))
 
 
 def test_a_raster_announced_differently_is_refused(graph):
@@ -149,7 +169,7 @@ def test_a_raster_may_name_its_readers(graph):
 
 
 def test_a_file_of_the_user_counts_with_its_content(graph, tmp_path):
-    job = Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE})
+    job = Job(stage="a", item="size", function=measure, reads={"text": TextFile("points.csv")}, writes={"size": SIZE})
     (tmp_path / "points.csv").write_text("a")
     first = graph.add(job)
     (tmp_path / "points.csv").write_text("ab")
@@ -160,14 +180,20 @@ def test_a_file_of_the_user_counts_with_its_content(graph, tmp_path):
 
 def test_a_file_of_the_user_that_is_missing_is_a_sentence(graph):
     with pytest.raises(WorkflowError, match=r"points\.csv cannot be read \(No such file or directory\)"):
-        graph.add(Job("a", "size", measure, {"text": TextFile("points.csv")}, {"size": SIZE}))
+        graph.add(Job(stage="a", item="size", function=measure, reads={"text": TextFile("points.csv")}, writes={"size": SIZE}))
 
 
 def test_a_file_that_an_export_makes_depends_on_the_export(tiled):
     tiled.add(Export("a", "picture", "photographs/p.tif", "tiff", {"z": "a/z"}))
     assert tiled.exported_files("photographs") == ("runs/toy/photographs/p.tif",)
     assert tiled.exported_files("products") == ()
-    job = Job("b", "look", look, {"photo": PhotoPixels("runs/toy/photographs/p.tif", Window(0, 0, 8, 8))}, {"size": SIZE})
+    job = Job(
+        stage="b",
+        item="look",
+        function=look,
+        reads={"photo": PhotoPixels("runs/toy/photographs/p.tif", Window(0, 0, 8, 8))},
+        writes={"size": SIZE},
+    )
     assert tiled.add(job).dependencies == (("a", "picture", 0, 0),)
 
 
@@ -187,7 +213,9 @@ def test_the_fingerprint_follows_settings_and_what_is_read(tiled):
 
 def _total(item: str, col: int) -> Job:
     total = Table(f"b/{item}.json", Total)
-    return Job("b", item, add_up, {"parts": (Raster("a/z", Window(0, col, 64, 64)),)}, {"total": total})
+    return Job(
+        stage="b", item=item, function=add_up, reads={"parts": (Raster("a/z", Window(0, col, 64, 64)),)}, writes={"total": total}
+    )
 
 
 def test_memory_is_the_process_and_what_a_job_reads_and_writes(tiled):

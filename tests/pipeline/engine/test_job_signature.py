@@ -33,7 +33,9 @@ HEIGHTS, REPORT = Table("surface/heights.json", Heights), Table("surface/report.
 
 
 def job(function, reads=None, writes=None, **params):
-    return Job("surface", "tile", function, reads or {}, writes or {"z": Z}, params, 2, 3)
+    return Job(
+        stage="surface", item="tile", function=function, reads=reads or {}, writes=writes or {"z": Z}, params=params, row=2, col=3
+    )
 
 
 def mean_of(z: np.ndarray, heights: Heights, factor: float = 1.0) -> np.ndarray:

@@ -53,7 +53,15 @@ class MemoryStage(Stage):
             used = self.large if large else 10
             table = Table(f"memory/{number}.json", Beside)
             params = {"folder": self.folder, "name": str(number), "mebibytes": used, "pause": 1.5 if large else 0.3}
-            yield Job("memory", f"job{number}", touch_memory, {}, {"beside": table}, params, scratch=used * MIB)
+            yield Job(
+                stage="memory",
+                item=f"job{number}",
+                function=touch_memory,
+                reads={},
+                writes={"beside": table},
+                params=params,
+                scratch=used * MIB,
+            )
 
 
 @pytest.fixture(scope="module")

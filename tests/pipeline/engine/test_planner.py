@@ -123,7 +123,13 @@ class TextStage(Stage):
     kind: Literal["text"] = "text"
 
     def plan(self, view):
-        yield Job("text", "read", read_text, {"text": TextFile("points.csv")}, {"size": Table("text/size.json", Size)})
+        yield Job(
+            stage="text",
+            item="read",
+            function=read_text,
+            reads={"text": TextFile("points.csv")},
+            writes={"size": Table("text/size.json", Size)},
+        )
 
 
 def read_text(text: str) -> Size:

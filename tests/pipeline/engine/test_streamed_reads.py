@@ -33,7 +33,7 @@ def run(root: Path, function, reads: dict[str, Reading], writes=None) -> None:
         store.create(SPEC)
         store.write(SPEC.name, SPEC.full, VALUES)
         store.create(OUT)
-    job = Job("b", "job", function, reads, writes or {"total": TOTAL})
+    job = Job(stage="b", item="job", function=function, reads=reads, writes=writes or {"total": TOTAL})
     assert misfit(job) is None
     execute(JobOrder(job, root, root / "run", Fingerprint(settings="s", code="c", inputs="i"), "not done yet"))
 
@@ -157,9 +157,18 @@ def planned(root: Path, reading: Reading, count: int = 0):
     for number in range(count):
         spec = RasterSpec(name=f"a/{number}", shape=(64, 64), dtype="float32", chunk=64)
         graph.add_raster(spec)
-        graph.add(Job("a", str(number), write, {}, {"z": Raster(spec.name, spec.full)}, {"window": spec.full}))
+        graph.add(
+            Job(
+                stage="a",
+                item=str(number),
+                function=write,
+                reads={},
+                writes={"z": Raster(spec.name, spec.full)},
+                params={"window": spec.full},
+            )
+        )
     function = add_streamed if isinstance(reading, Stream) else add_up
-    return graph.add(Job("b", "total", function, {"parts": reading}, {"total": TOTAL}))
+    return graph.add(Job(stage="b", item="total", function=function, reads={"parts": reading}, writes={"total": TOTAL}))
 
 
 def regions(count: int) -> tuple[Raster, ...]:
@@ -188,7 +197,7 @@ def test_files_of_a_stream_count_with_their_size(tmp_path):
     grid = MapGrid(west=0, north=0, cell=1, rows=8, cols=8)
     pixels = (PhotoPixels("a", Window(0, 0, 10, 10)),) * 5
     maps = (MapFile("a", "EPSG:2100", grid, Window(0, 0, 8, 8), bands=3),) * 5
-    job = Job("b", "look", look, {"pixels": Stream(pixels), "map_": Stream(maps)}, {"size": SIZE})
+    job = Job(stage="b", item="look", function=look, reads={"pixels": Stream(pixels), "map_": Stream(maps)}, writes={"size": SIZE})
     assert Graph(tmp_path, "runs/toy").add(job).memory == PROCESS_BYTES + 2 * 3 * 100 + 2 * 3 * 4 * 64
 
 
@@ -215,7 +224,7 @@ def test_a_stream_fits_an_iterator_of_what_its_regions_hold():
     z, sizes = Stream(regions(3)), Stream((SIZE,))
 
     def wrong(function, **reads) -> str:
-        return str(misfit(Job("b", "total", function, reads, {"total": TOTAL})))
+        return str(misfit(Job(stage="b", item="total", function=function, reads=reads, writes={"total": TOTAL})))
 
     assert wrong(cells, z=z, sizes=sizes) == wrong(cells, z=Stream(()), sizes=Stream(())) == "None"
     assert "'z' is read as a stream of Size, but the parameter is collections.abc.Iterator[numpy.ndarray]" in wrong(
@@ -241,7 +250,9 @@ class StreamedSum(Stage):
 
 
 def _streamed(job: Job) -> Job:
-    return Job(job.stage, job.item, add_streamed, {"parts": Stream(job.reads["parts"])}, job.writes)
+    return Job(
+        stage=job.stage, item=job.item, function=add_streamed, reads={"parts": Stream(job.reads["parts"])}, writes=job.writes
+    )
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def test_tiles_of_twice_the_side_are_a_quarter_as_many_and_take_as_long_in_all()
 
 @pytest.mark.parametrize(("megabytes", "effort"), [(0.0, 1.0), (0.5, 1.0), (9.0, 3.0)])
 def test_a_job_with_nine_times_the_data_takes_three_times_as_long(megabytes, effort):
-    job = Job("surface", "tiles", print, {}, {})
+    job = Job(stage="surface", item="tiles", function=print, reads={}, writes={})
     assert effort_of(PlannedJob(job, (), PRINT, 0, 0, round(1e6 * megabytes))) == pytest.approx(effort)
 
 

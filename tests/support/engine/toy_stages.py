@@ -71,13 +71,29 @@ class SourceStage(Stage):
     lure: str = ""
 
     def plan(self, view):
-        yield Job("source", "size", make_size, {}, {"size": SIZE}, {"rows": self.rows, "cols": self.cols})
+        yield Job(
+            stage="source",
+            item="size",
+            function=make_size,
+            reads={},
+            writes={"size": SIZE},
+            params={"rows": self.rows, "cols": self.cols},
+        )
         size = view.table(SIZE)
         spec = RasterSpec(name="source/numbers", shape=(size.rows, size.cols), dtype="float32", chunk=view.project.tile)
         yield spec
         for tile in tiles_of(spec.shape, view.project.tile):
             params = {"window": tile.window, "factor": self.factor, "pause": self.pause, "poison": self.poison, "lure": self.lure}
-            yield Job("source", "tile", make_tile, {}, {"numbers": Raster(spec.name, tile.window)}, params, tile.row, tile.col)
+            yield Job(
+                stage="source",
+                item="tile",
+                function=make_tile,
+                reads={},
+                writes={"numbers": Raster(spec.name, tile.window)},
+                params=params,
+                row=tile.row,
+                col=tile.col,
+            )
 
 
 class SmoothStage(Stage):
@@ -94,14 +110,14 @@ class SmoothStage(Stage):
         for tile in tiles_of(spec.shape, view.project.tile):
             read = tile.window.grown(1).clipped(spec.shape)
             yield Job(
-                "smooth",
-                "tile",
-                smooth_tile,
-                {"values": Raster(source.name, read)},
-                {"mean": Raster(spec.name, tile.window)},
-                {"read": read, "window": tile.window},
-                tile.row,
-                tile.col,
+                stage="smooth",
+                item="tile",
+                function=smooth_tile,
+                reads={"values": Raster(source.name, read)},
+                writes={"mean": Raster(spec.name, tile.window)},
+                params={"read": read, "window": tile.window},
+                row=tile.row,
+                col=tile.col,
             )
         yield Export("smooth", "file", "products/smooth.tif", "tiff", rasters={"value": spec.name})
 
@@ -115,7 +131,7 @@ class SumStage(Stage):
     def plan(self, view):
         spec = view.raster("smooth/numbers")
         regions = tuple(Raster(spec.name, tile.window) for tile in tiles_of(spec.shape, view.project.tile))
-        yield Job("sum", "total", add_up, {"parts": regions}, {"total": TOTAL})
+        yield Job(stage="sum", item="total", function=add_up, reads={"parts": regions}, writes={"total": TOTAL})
 
 
 CATALOGUE = (SourceStage, SmoothStage, SumStage)

@@ -148,36 +148,52 @@ class GivenStage(Stage):
         specs = [_whole(name, ORTHO, dtype, 3 if name == TRUTH_ORTHO else 0, TRUTH_READERS) for name, dtype in types.items()]
         yield from specs
         writes: dict[str, Raster | Table] = {spec.name: Raster(spec.name, spec.full) for spec in specs}
-        yield Job("simulation", "truth", truth_rasters, {}, writes)
-        yield Job("simulation", "grid", give_truth_grid, {}, {"grid": TRUTH_GRID})
-        yield Job("simulation", "block", give_block, {}, {"block": TRUTH_BLOCK})
+        yield Job(stage="simulation", item="truth", function=truth_rasters, reads={}, writes=writes)
+        yield Job(stage="simulation", item="grid", function=give_truth_grid, reads={}, writes={"grid": TRUTH_GRID})
+        yield Job(stage="simulation", item="block", function=give_block, reads={}, writes={"block": TRUTH_BLOCK})
 
     def _photos(self) -> Iterator[RasterSpec | Job]:
-        yield Job("photos", "table", give_photos, {}, {"photos": PHOTOS})
+        yield Job(stage="photos", item="table", function=give_photos, reads={}, writes={"photos": PHOTOS})
         for name in CENTRES:
             spec = RasterSpec(name=photo_raster(name), shape=(420, 420, 3), dtype="uint8", chunk=420)
             yield spec
-            yield Job("photos", name, give_photo, {}, {"pixels": Raster(spec.name, spec.full)}, {"name": name})
+            yield Job(
+                stage="photos",
+                item=name,
+                function=give_photo,
+                reads={},
+                writes={"pixels": Raster(spec.name, spec.full)},
+                params={"name": name},
+            )
 
     def _orientation(self) -> Iterator[RasterSpec | Job]:
-        yield Job("orientation", "block", give_block, {}, {"block": BLOCK})
+        yield Job(stage="orientation", item="block", function=give_block, reads={}, writes={"block": BLOCK})
 
     def _densification(self, size: int) -> Iterator[RasterSpec | Job]:
-        yield Job("densification", "grid", give_surface, {}, {"surface": SURFACE})
+        yield Job(stage="densification", item="grid", function=give_surface, reads={}, writes={"surface": SURFACE})
         types = {HEIGHT: "float32", PRECISION: "float32", RELATIVE_PRECISION: "float32", COUNT: "uint8", PROVENANCE: "uint8"}
         specs = [_whole(name, DSM, dtype) for name, dtype in types.items()]
         yield from specs
         yield Job(
-            "densification",
-            "heights",
-            give_heights,
-            {},
-            {s.name: Raster(s.name, s.full) for s in specs},
-            {"seed": 5, "hole": self.hole},
+            stage="densification",
+            item="heights",
+            function=give_heights,
+            reads={},
+            writes={s.name: Raster(s.name, s.full) for s in specs},
+            params={"seed": 5, "hole": self.hole},
         )
         for tile in tiles_of(DSM.shape, size):
             points = {"points": points_table(tile.row, tile.col)}
-            yield Job("densification", "points", give_points, {}, points, {"window": tile.window}, tile.row, tile.col)
+            yield Job(
+                stage="densification",
+                item="points",
+                function=give_points,
+                reads={},
+                writes=points,
+                params={"window": tile.window},
+                row=tile.row,
+                col=tile.col,
+            )
 
 
 GIVEN = tuple(GivenStage(kind=kind) for kind in ("simulation", "photos", "orientation", "densification"))
