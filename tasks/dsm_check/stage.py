@@ -29,10 +29,12 @@ from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, c
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.nodes import NodeMatching
-from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
-from orthomill.tasks.dsm_check.report_areas import CHANGES, ERRORS
-from orthomill.tasks.dsm_check.rounds.finish import Finish
-from orthomill.tasks.dsm_check.rounds.round_plan import (
+from orthomill.tasks.dsm_check.plan.answer import answer_job
+from orthomill.tasks.dsm_check.plan.coarse_passes import level_pairs, placing, second_surface
+from orthomill.tasks.dsm_check.plan.first_pass import first_pass
+from orthomill.tasks.dsm_check.plan.later_passes import later_pass
+from orthomill.tasks.dsm_check.plan.passes import FILLED, Passes, counts_table
+from orthomill.tasks.dsm_check.plan.round_plan import (
     CheckScene,
     Comparing,
     Reads,
@@ -41,8 +43,10 @@ from orthomill.tasks.dsm_check.rounds.round_plan import (
     node_raster,
     ortho_raster,
 )
+from orthomill.tasks.dsm_check.report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
+from orthomill.tasks.dsm_check.report_areas import CHANGES, ERRORS
+from orthomill.tasks.dsm_check.rounds.finish import Finish
 from orthomill.tasks.dsm_check.rounds.round_state import state_table
-from orthomill.tasks.dsm_check.rounds.several_passes import FILLED, Passes, counts_table
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
@@ -221,17 +225,17 @@ class DsmCheckStage(Stage):
         )
         rough, fine = (passes.lowest(level, _PLACING_CELLS) for level in _PLACING_LEVELS)
         for one in sorted({rough, fine, *range(1, passes.lowest(self._levels) + 1)}):
-            yield passes.level_pairs(one)
+            yield level_pairs(passes, one)
         before, found, up, look = None, NO_SHIFT, view.table(PLACED).up, 0
         while look < _MOST_LOOKS and not (before and found.settled(before)):
             look += 1
-            yield from passes.placing(view, source, look, fine if before else rough, up, found.certain)
+            yield from placing(passes, view, source, look, fine if before else rough, up, found.certain)
             before, found = found, view.table(shift_after(look))
         if fine:
             # Windows on coarse orthoimages blur roofs: what they find is right to some tenths of a cell of theirs.
             look += 1
-            yield passes.level_pairs(0)
-            yield from passes.placing(view, source, look, 0, up, found.certain)
+            yield level_pairs(passes, 0)
+            yield from placing(passes, view, source, look, 0, up, found.certain)
             found = view.table(shift_after(look))
         moved = found.in_plan and source.shift == "remove"
         # To the millimetre: the surface that is given back must not show the digits of an estimate.
@@ -288,12 +292,12 @@ class DsmCheckStage(Stage):
         levels = passes.lowest(self._levels)
         if levels:
             if not isinstance(self.surface, SurfaceFile):
-                yield from (passes.level_pairs(level) for level in range(1, levels + 1))
-            yield from passes.second_surface(view, levels)
-        yield from passes.first(twice=levels > 0)
+                yield from (level_pairs(passes, level) for level in range(1, levels + 1))
+            yield from second_surface(passes, view, levels)
+        yield from first_pass(passes, twice=levels > 0)
         number = 1
         while number < self._rounds and view.table(state_table(number)).judged:
-            yield from passes.later(number + 1, view.table(state_table(number)))
+            yield from later_pass(passes, number + 1, view.table(state_table(number)))
             number += 1
         yield from self._answer_rasters(passes)
         reads: Reads = {"rounds": tuple(state_table(k) for k in range(1, number + 1))}
@@ -306,7 +310,7 @@ class DsmCheckStage(Stage):
             params |= {"raised": placed.up, "keeps": keeps}
         for tile in passes.tiles():
             writes = _answer(tile, block_size(passes.surface.grid.shape))
-            yield passes.finish(tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
+            yield answer_job(passes, tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
         yield self._report(passes, reads, params)
 
     def correction_nodes(self, pixels_per_cell: int) -> CorrectionNodes:

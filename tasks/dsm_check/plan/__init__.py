@@ -1,0 +1,1 @@
+"""What a check runs, and in which order: jobs, tables and rasters, no numerics."""
