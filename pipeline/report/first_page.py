@@ -88,13 +88,13 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
     reasons = tuple(_reasons(reports, stages))
     level = _level(reasons, cautions, stages, run)
     return FirstPage(
-        level,
-        f"{WORDS[level]}: {_state(level, cautions, stages, run)}",
-        reasons,
-        cautions,
-        tuple(_answers(reports, stages, run)),
-        tuple(_products(reports, stages, folder)),
-        tuple(product_classes(reports, folder, run.tolerances)),
+        level=level,
+        headline=f"{WORDS[level]}: {_state(level, cautions, stages, run)}",
+        reasons=reasons,
+        cautions=cautions,
+        answers=tuple(_answers(reports, stages, run)),
+        products=tuple(_products(reports, stages, folder)),
+        classes=tuple(product_classes(reports, folder, run.tolerances)),
     )
 
 

@@ -185,17 +185,17 @@ def _section(
     kind, title = stage
     report = reports.get(kind, StageReport())
     return Section(
-        kind,
-        title,
-        "not run" if title in not_asked_for((stage,), run) else _state(run.stage(kind), kind in reports),
-        run.stage(kind),
-        report,
-        tuple(figure_row(kind, figure) for figure in report.figures),
-        tuple(_picture_view(store, f"{kind}-{n}", picture, bars) for n, picture in enumerate(report.pictures)),
-        tuple(_chart_view(chart) for chart in report.charts),
-        tuple(_grid_view(grid) for grid in report.grids),
-        tuple(f"{failure.key}: {failure.sentence}" for failure in run.failures if failure.stage == kind),
-        tuple(caution for caution in answers.cautions if caution.kind == kind),
+        kind=kind,
+        title=title,
+        state="not run" if title in not_asked_for((stage,), run) else _state(run.stage(kind), kind in reports),
+        run=run.stage(kind),
+        report=report,
+        figures=tuple(figure_row(kind, figure) for figure in report.figures),
+        pictures=tuple(_picture_view(store, f"{kind}-{n}", picture, bars) for n, picture in enumerate(report.pictures)),
+        charts=tuple(_chart_view(chart) for chart in report.charts),
+        grids=tuple(_grid_view(grid) for grid in report.grids),
+        failures=tuple(f"{failure.key}: {failure.sentence}" for failure in run.failures if failure.stage == kind),
+        cautions=tuple(caution for caution in answers.cautions if caution.kind == kind),
     )
 
 
@@ -223,7 +223,13 @@ def figure_row(kind: str, figure: Figure) -> FigureRow:
     value = numbers.number_text(figure.value)
     name, unit = figure.name, figure.unit
     return FigureRow(
-        kind, f"{kind}.{name}", figure.label or label_of(_without_unit(name, unit)), value, unit, figure.sentence, figure.detail
+        stage=kind,
+        name=f"{kind}.{name}",
+        label=figure.label or label_of(_without_unit(name, unit)),
+        value=value,
+        unit=unit,
+        sentence=figure.sentence,
+        detail=figure.detail,
     )
 
 

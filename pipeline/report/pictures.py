@@ -88,7 +88,17 @@ def draw(store: ReadableStore, picture: Picture, limit: int = LIMIT) -> Drawing:
     painted = PAINTERS[picture.style](seen, picture, spec)
     rows, cols = seen.share.shape
     empty = 100 * float(1 - np.mean(seen.share))
-    return Drawing(painted.uri, cols, rows, painted.bar, painted.classes, empty, _scale_bar(spec), _corners(spec), _is_map(spec))
+    return Drawing(
+        uri=painted.uri,
+        width=cols,
+        height=rows,
+        bar=painted.bar,
+        classes=painted.classes,
+        empty_share=empty,
+        scale=_scale_bar(spec),
+        corners=_corners(spec),
+        north=_is_map(spec),
+    )
 
 
 # --- colouring ---------------------------------------------------------------------------------------------------------------

@@ -77,18 +77,18 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]], photograp
     crs = _crs(control.system) if control.system else None
     told = crs or (_crs(positions[1].system) if positions and positions[1].system else None)
     return Beside(
-        control.gcp_list,
-        control.points,
-        control.marks,
-        control.format,
-        control.system,
-        _projected(told) if told else None,
-        control.gcp_list is not None and control.system is not None and crs is None,
-        positions[0] if positions else None,
-        positions[1].format if positions else "",
-        positions[1].site if positions else None,
-        _camera(places, root, sizes),
-        tuple(unused),
+        gcp_list=control.gcp_list,
+        points=control.points,
+        marks=control.marks,
+        control_format=control.format,
+        system=control.system,
+        projected=_projected(told) if told else None,
+        unknown_system=control.gcp_list is not None and control.system is not None and crs is None,
+        positions=positions[0] if positions else None,
+        positions_format=positions[1].format if positions else "",
+        site=positions[1].site if positions else None,
+        camera=_camera(places, root, sizes),
+        unused=tuple(unused),
     )
 
 

@@ -151,7 +151,9 @@ def from_chessboards(
     result, constant, used, checks = calibrate(arranged, corners, completed, target, model)
     camera = camera_of(result, "chessboards", target.size)
     names = [boards.names[photo] for photo in used]
-    results = CalibrationResults(result, target, names, constant, checks, searches, arranged)
+    results = CalibrationResults(
+        result=result, target=target, photos=names, constant=constant, checks=checks, searches=searches, arranged=arranged
+    )
     cameras, report = _served(photos, serves, camera)
     return CalibrationProducts(
         cameras=cameras,

@@ -71,7 +71,9 @@ def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step:
     shape = nodes.shape[:2]
     xyz, sigma = np.full((3, *shape), np.nan), np.full(shape, np.nan, np.float32)
     rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
-    system = _BaseSystem(pair.base, pair.c, pair.left_col0, pair.row0, pair.row_sigma, rotation, centre)
+    system = _BaseSystem(
+        base=pair.base, c=pair.c, col0=pair.left_col0, row0=pair.row0, shared_sigma=pair.row_sigma, rotation=rotation, centre=centre
+    )
     # the kernel reads row by row; a view into the interleaved bands would touch memory three times as often
     parallax, matching_sigma = np.ascontiguousarray(nodes[..., 0]), np.ascontiguousarray(nodes[..., 1])
     _intersect(parallax, matching_sigma, (float(window.row), float(window.col)), float(step), system, xyz, sigma)

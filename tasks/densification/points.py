@@ -127,7 +127,7 @@ class PointCollector:
         codes = np.where(np.isin(provenance, MEASURED), provenance, Provenance.ONE_PAIR)
         rays, codes = (np.broadcast_to(cells[..., None], kept.shape)[kept].astype(np.uint8) for cells in (rays, codes))
         x, y, z = (np.ascontiguousarray(values) for values in self._cells.xyz[kept].T)
-        return SurfacePoints(x, y, z, self._cells.sigma[kept], rays, codes, self._cells.source[kept])
+        return SurfacePoints(x=x, y=y, z=z, sigma=self._cells.sigma[kept], rays=rays, code=codes, source=self._cells.source[kept])
 
 
 def points_bytes(window: Window, photos: int, thinning: PointThinning) -> int:

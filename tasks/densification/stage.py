@@ -144,7 +144,18 @@ class DensificationStage(Stage):
         for pair in pairs:
             yield from strategy_plan(pair, matching, surface, self.kind)
         window = window_cells(matching.window, pairs, surface)
-        yield from self._tiles(view).jobs(SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.step, window), pairs)
+        yield from self._tiles(view).jobs(
+            SurfaceSource(
+                function=make_pair_surface,
+                rasters={},
+                surface=surface,
+                ground=ground,
+                step=0.0,
+                node_step=matching.step,
+                window_cells=window,
+            ),
+            pairs,
+        )
         yield self._report_of_pairs(pairs)
 
     def _guided(self, view: ProjectView, surface: Surface, matching: Guided) -> _Plan:
@@ -152,7 +163,15 @@ class DensificationStage(Stage):
         pairs, ground = view.table(PAIRS).pairs, view.table(BLOCK_TABLE).ground_mean
         yield from GuidedPlan(self.kind, view.table(BLOCK_TABLE).crs, surface, pairs, matching).jobs()
         window = window_cells(matching.pixels.correlation.template, pairs, surface)
-        source = SurfaceSource(make_pair_surface, {}, surface, ground, 0.0, matching.pixels.step, window)
+        source = SurfaceSource(
+            function=make_pair_surface,
+            rasters={},
+            surface=surface,
+            ground=ground,
+            step=0.0,
+            node_step=matching.pixels.step,
+            window_cells=window,
+        )
         yield from self._tiles(view).jobs(source, pairs)
         reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
         yield Job(
@@ -175,13 +194,13 @@ class DensificationStage(Stage):
         yield from locus_plan(scene, self.kind, view.table(BLOCK_TABLE).crs)
         lines = {"nodes": LINE_NODES, "photographs": LINE_PHOTOGRAPHS, "outcome": LINE_OUTCOME}
         source = SurfaceSource(
-            make_line_surface,
-            lines,
-            surface,
-            scene.block.ground_mean,
-            scene.metres_per_pixel,
-            1,
-            scene.window_cells,
+            function=make_line_surface,
+            rasters=lines,
+            surface=surface,
+            ground=scene.block.ground_mean,
+            step=scene.metres_per_pixel,
+            node_step=1,
+            window_cells=scene.window_cells,
             reads_nodes=False,
         )
         yield from self._tiles(view).jobs(source, view.table(PAIRS).pairs)

@@ -174,7 +174,16 @@ def finished_cells(
 def surface_cells(cells: FusedCells, datum: np.ndarray, statistics: SurfaceStatistics, points: SurfacePoints) -> SurfaceCells:
     """A finished tile: its total standard error is that among neighbours and that of the datum."""
     precision = np.hypot(cells.precision, datum)
-    return SurfaceCells(cells.height, precision, cells.precision, datum, cells.count, cells.provenance, statistics, points)
+    return SurfaceCells(
+        height=cells.height,
+        precision=precision,
+        relative=cells.precision,
+        datum=datum,
+        pairs=cells.count,
+        provenance=cells.provenance,
+        statistics=statistics,
+        points=points,
+    )
 
 
 def _accepted(ground: NodesOnGround, tile: SurfaceTile, stack: HeightStack) -> np.ndarray:

@@ -171,16 +171,16 @@ class DsmCheckStage(Stage):
         nearer = self.matching.model_copy(update={"least_squares": least_squares, "search": search})
         norvelle = self.correction.kind == "norvelle"
         return Passes(
-            CheckScene(view.table(BLOCK), view.table(PHOTOS), view.table(BLOCK).crs),
-            surface,
-            view.table(CHECKED_PAIRS),
-            view.project.tile,
-            Comparing(self.matching, self.correction, self.step, self.radius * self.step),
-            Comparing(nearer, self.correction, self.closer.step, self.radius * self.closer.step),
-            "all" if norvelle else self.apply,
-            self.significance,
-            self.pairs,
-            self.pairs_per_place,
+            scene=CheckScene(view.table(BLOCK), view.table(PHOTOS), view.table(BLOCK).crs),
+            surface=surface,
+            pairs=view.table(CHECKED_PAIRS),
+            tile=view.project.tile,
+            how=Comparing(self.matching, self.correction, self.step, self.radius * self.step),
+            closer=Comparing(nearer, self.correction, self.closer.step, self.radius * self.closer.step),
+            apply="all" if norvelle else self.apply,
+            significance=self.significance,
+            count=self.pairs,
+            per_place=self.pairs_per_place,
             everywhere=norvelle,
             measured=not isinstance(self.surface, SurfaceFile),
         )
@@ -335,7 +335,15 @@ class DsmCheckStage(Stage):
         wide = (nodes.window + 2 * nodes.radius) * grid.cell
         earlier = isinstance(self.surface, SurfaceFile) and self.surface.epoch == "earlier"
         words = CHANGES if earlier else ERRORS
-        what = Blocks(grid, size, self.significance, passes.scene.crs, self.tolerance, wide, words)
+        what = Blocks(
+            grid=grid,
+            size=size,
+            significance=self.significance,
+            crs=passes.scene.crs,
+            tolerance=self.tolerance,
+            wide=wide,
+            words=words,
+        )
         tiles = tuple(counts_table(tile, "counts") for tile in passes.tiles())
         coarse = Raster(COARSE, Window(0, 0, *shape))
         writes: dict[str, Raster | Table] = {"report": report_table(self.kind), "areas": AREA_MAP}

@@ -184,14 +184,16 @@ def summarised(counts: Counts, pixel_height: float) -> Summary:
     """Mean, standard deviation, median, NMAD and shares of counted corrections."""
     n, nan = counts.number, float("nan")
     if not n:
-        return Summary(0, nan, nan, nan, nan, nan, nan)
+        return Summary(number=0, mean=nan, std=nan, median=nan, nmad=nan, within_1=nan, within_3=nan)
     values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
     middle = _weighted_median(values, filled)
     nmad = 1.4826 * _weighted_median(np.abs(values - middle), filled)
     # mean and std from exact sums; only median and NMAD depend on the bins
     mean = counts.total / n
     std = float(np.sqrt(max(counts.squares / n - mean**2, 0)))
-    return Summary(n, mean, std, middle, nmad, counts.within_1 / n, counts.within_3 / n)
+    return Summary(
+        number=n, mean=mean, std=std, median=middle, nmad=nmad, within_1=counts.within_1 / n, within_3=counts.within_3 / n
+    )
 
 
 def _weighted_median(values: np.ndarray, filled: np.ndarray) -> float:

@@ -246,13 +246,13 @@ def ortho_against_truth(
     place = where.source
     # the fit first: brightness is free in a block, and every later comparison is of grey values
     scene = OrthoScene(
-        where.window,
-        fitted(ortho, fit),
-        colours_on(truth, place),
-        ortho[..., 3] > 0,
-        codes_on(material, place),
-        _photo_count(visibility, place),
-        height_source,
+        window=where.window,
+        colour=fitted(ortho, fit),
+        truth=colours_on(truth, place),
+        covered=ortho[..., 3] > 0,
+        material=codes_on(material, place),
+        seen=_photo_count(visibility, place),
+        source=height_source,
     )
     height = heights_on(surface, place)
     found = _finish(scene, where, _hidden_photos(scene, height, block, where.grid))
@@ -265,5 +265,13 @@ def ortho_against_file(
     """As `ortho_against_truth`, with a reference (rows, cols, 3) on the same pixels, without materials and visibility."""
     nothing = np.zeros(ortho.shape[:2], np.uint8)
     coloured = ortho[..., 3] > 0
-    scene = OrthoScene(where.window, fitted(ortho, fit), reference, coloured, nothing, nothing + UNKNOWN_COUNT, height_source)
+    scene = OrthoScene(
+        window=where.window,
+        colour=fitted(ortho, fit),
+        truth=reference,
+        covered=coloured,
+        material=nothing,
+        seen=nothing + UNKNOWN_COUNT,
+        source=height_source,
+    )
     return _finish(scene, where, np.full(ortho.shape[:2], -1))

@@ -326,13 +326,13 @@ def epipolar_view(pair: EpipolarPair, side: Side, view: View) -> EpipolarView:
     rotation = np.array(pair.rotation)
     left = side == "left"
     return EpipolarView(
-        view,
-        view.rotation @ rotation.T,
-        rotation,
-        pair.c,
-        pair.left_col0 if left else pair.right_col0,
-        pair.row0,
-        epipolar_shape(pair, side),
+        view=view,
+        turn=view.rotation @ rotation.T,
+        rotation=rotation,
+        c=pair.c,
+        col0=pair.left_col0 if left else pair.right_col0,
+        row0=pair.row0,
+        shape=epipolar_shape(pair, side),
     )
 
 

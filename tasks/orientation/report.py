@@ -37,7 +37,17 @@ def report(
 ) -> StageReport:
     """The stage's report; `cameras` as they were before the adjustment; `on_plane`: the block in the system of the plane on which
     the surface stands, where it stands on one."""
-    facts = Facts(photos, cameras, control, relative, block, points, image_residuals, ground_residuals, precision)
+    facts = Facts(
+        photos=photos,
+        before=cameras,
+        control=control,
+        relative=relative,
+        block=block,
+        points=points,
+        image=image_residuals,
+        ground=ground_residuals,
+        precision=precision,
+    )
     grids = (
         *camera_grids(facts),
         *ground_grids(ground_residuals),

@@ -209,31 +209,31 @@ def _points(result: Registration, known: dict[str, SurveyedTarget], names: tuple
     surveyed = np.any(result.network.weight, axis=1)
     roles = ["control" if surveyed[i] else "check" if names[i] in known else "tie" for i in kept]
     return RegisteredPoints(
-        np.array([names[i] for i in kept], str),
-        np.array(roles, str),
-        xyz[:, 0],
-        xyz[:, 1],
-        xyz[:, 2],
-        sigma[:, 0],
-        sigma[:, 1],
-        sigma[:, 2],
-        covariance[:, 0, 1],
-        covariance[:, 0, 2],
-        covariance[:, 1, 2],
-        shown[kept].astype(np.int16),
+        name=np.array([names[i] for i in kept], str),
+        role=np.array(roles, str),
+        x=xyz[:, 0],
+        y=xyz[:, 1],
+        z=xyz[:, 2],
+        sigma_x=sigma[:, 0],
+        sigma_y=sigma[:, 1],
+        sigma_z=sigma[:, 2],
+        cov_xy=covariance[:, 0, 1],
+        cov_xz=covariance[:, 0, 2],
+        cov_yz=covariance[:, 1, 2],
+        scans=shown[kept].astype(np.int16),
     )
 
 
 def _residuals(result: Registration, scans: tuple[str, ...], names: tuple[str, ...]) -> TargetResiduals:
     points = result.points
     return TargetResiduals(
-        np.array([scans[k] for k in points.scan], str),
-        np.array([names[i] for i in points.point], str),
-        result.residual[:, 0],
-        result.residual[:, 1],
-        result.residual[:, 2],
-        result.standardised,
-        result.used,
+        scan=np.array([scans[k] for k in points.scan], str),
+        name=np.array([names[i] for i in points.point], str),
+        v_x=result.residual[:, 0],
+        v_y=result.residual[:, 1],
+        v_z=result.residual[:, 2],
+        standardised=result.standardised,
+        used=result.used,
     )
 
 

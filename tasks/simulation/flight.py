@@ -140,7 +140,15 @@ def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
     bounds = np.array([ground_bounds(view, 0.0, 2.0 * PLAIN) for view in coarse])
     west, south = np.floor((bounds[:, :2].min(axis=0) - _MARGIN) / 10.0) * 10.0
     east, north = np.ceil((bounds[:, 2:].max(axis=0) + _MARGIN) / 10.0) * 10.0
-    return SceneSettings(flight.seed, float(west), float(south), float(east), float(north), flight.height, buildings)
+    return SceneSettings(
+        seed=flight.seed,
+        west=float(west),
+        south=float(south),
+        east=float(east),
+        north=float(north),
+        flying_height=flight.height,
+        buildings=buildings,
+    )
 
 
 def scene_grid(settings: SceneSettings, cell: float) -> MapGrid:

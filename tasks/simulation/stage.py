@@ -152,15 +152,15 @@ class SimulationStage(Stage):
     def flight(self) -> FlightSettings:
         """Camera and flight plan."""
         return FlightSettings(
-            self.seed,
-            self.frame_mm,
-            self.c_mm,
-            self.pixel_um,
-            self.scale,
-            self.base_m,
-            self.side_overlap,
-            self.strips,
-            self.photos_per_strip,
+            seed=self.seed,
+            frame_mm=self.frame_mm,
+            c_mm=self.c_mm,
+            pixel_um=self.pixel_um,
+            scale=self.scale,
+            base_m=self.base_m,
+            side_overlap=self.side_overlap,
+            strips=self.strips,
+            photos_per_strip=self.photos_per_strip,
         )
 
     @property

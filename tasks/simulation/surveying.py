@@ -119,7 +119,9 @@ def survey(
     names = [f"{role[:2].upper()}{k:02d}" for role, k in zip(roles, _counted(roles), strict=True)]
     sigma = np.full(len(points), settings.control_sigma)
     x, y, z = xyz.T
-    control = ControlRows(np.array(names, dtype=str), np.array(roles, dtype=str), x, y, z, sigma, sigma, sigma)
+    control = ControlRows(
+        name=np.array(names, dtype=str), role=np.array(roles, dtype=str), x=x, y=y, z=z, sigma_x=sigma, sigma_y=sigma, sigma_z=sigma
+    )
     return control, _measure(views(flight), names, points, settings.image_sigma, generator)
 
 
@@ -152,4 +154,4 @@ def positions(flight: FlightSettings, settings: SurveySettings) -> PositionRows:
     xyz = (true + generator.normal(0.0, settings.gnss_sigma, true.shape)).round(4)
     sigma = np.full(len(photos), settings.gnss_sigma)
     x, y, z = xyz.T
-    return PositionRows(np.array([view.name for view in photos]), x, y, z, sigma, sigma, sigma)
+    return PositionRows(photo=np.array([view.name for view in photos]), x=x, y=y, z=z, sigma_x=sigma, sigma_y=sigma, sigma_z=sigma)

@@ -50,7 +50,20 @@ def run(
 
     with plain_errors(debug):
         loaded, tls = load_project(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
-        end = run_project(loaded, Options(from_stage, until, workers, memory * MIB, sequential, scheduler, port, tls), as_json)
+        end = run_project(
+            loaded,
+            Options(
+                from_stage=from_stage,
+                until=until,
+                workers=workers,
+                memory=memory * MIB,
+                sequential=sequential,
+                scheduler=scheduler,
+                port=port,
+                tls=tls,
+            ),
+            as_json,
+        )
     if end.doubts and strict:
         raise typer.Exit(3)
 

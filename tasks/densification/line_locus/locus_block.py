@@ -180,7 +180,15 @@ def locus_block(scene: LocusScene, row: int, col: int, window: Window) -> LocusB
     views = [scene.views[k] for k in dict.fromkeys(k for k in order if k >= 0)]
     parts = [_part(view, window, scene) for view in views]
     used = tuple(part for part in parts if not part.window.empty)
-    return LocusBlock(scene.surface, row, col, window, used, scene.pixel, scene.metres_per_pixel)
+    return LocusBlock(
+        surface=scene.surface,
+        row=row,
+        col=col,
+        window=window,
+        photos=used,
+        pixel=scene.pixel,
+        metres_per_pixel=scene.metres_per_pixel,
+    )
 
 
 def _sampled(grid: MapGrid, window: Window) -> tuple[np.ndarray, np.ndarray]:

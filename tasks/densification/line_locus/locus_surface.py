@@ -56,11 +56,11 @@ def _points(tile: SurfaceTile, cells: FusedCells, photographs: np.ndarray) -> Su
     x, y = np.meshgrid(*tile.surface.grid.centres(tile.window))
     rays = photographs[tile.window.within(tile.work).slices][measured]
     return SurfacePoints(
-        x[measured],
-        y[measured],
-        cells.height[measured].astype(np.float64),
-        cells.precision[measured],
-        rays,
-        cells.provenance[measured],
-        np.zeros(len(rays), np.uint16),
+        x=x[measured],
+        y=y[measured],
+        z=cells.height[measured].astype(np.float64),
+        sigma=cells.precision[measured],
+        rays=rays,
+        code=cells.provenance[measured],
+        source=np.zeros(len(rays), np.uint16),
     )

@@ -107,7 +107,15 @@ class SurfacePlan:
 
 
 def _surface_tile(source: SurfaceSource, tile: Tile, work: Window, pieces: tuple[PairPiece, ...]) -> SurfaceTile:
-    return SurfaceTile(source.surface, tile.window, work, pieces, source.ground, source.step, int(source.window_cells))
+    return SurfaceTile(
+        surface=source.surface,
+        window=tile.window,
+        work=work,
+        pieces=pieces,
+        ground=source.ground,
+        step=source.step,
+        window_cells=int(source.window_cells),
+    )
 
 
 def _pieces(source: SurfaceSource, pairs: tuple[EpipolarPair, ...], around: Window) -> tuple[PairPiece, ...]:

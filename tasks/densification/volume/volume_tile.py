@@ -76,7 +76,16 @@ def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
     coarsest = level.number == scene.levels[0].number
     coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
     terrain = places_around(work, 2**level.number, terrain_grid(scene.surface.grid).shape)
-    return VolumeTile(level, tile.row, tile.col, tile.window, work, used if len(used) >= 2 else (), coarser, terrain)
+    return VolumeTile(
+        level=level,
+        row=tile.row,
+        col=tile.col,
+        window=tile.window,
+        work=work,
+        photos=used if len(used) >= 2 else (),
+        coarser=coarser,
+        places=terrain,
+    )
 
 
 def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:

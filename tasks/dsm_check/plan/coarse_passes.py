@@ -164,7 +164,16 @@ def _from_level(passes: Passes, level: int, window: Window) -> tuple[Window, Rea
 def _coarse(passes: Passes, view: ProjectView, prefix: str, level: int, heights: str) -> Plan:
     """One pass at a coarse level: dh, precision and coarse below `prefix`."""
     coarse, pairs = level_surface(passes.surface, level), view.table(passes.pairs_of(level))
-    one = CheckRound(prefix, passes.scene, coarse, pairs, heights, passes.tile, passes.how, coarse=True)
+    one = CheckRound(
+        prefix=prefix,
+        scene=passes.scene,
+        surface=coarse,
+        pairs=pairs,
+        heights=heights,
+        tile=passes.tile,
+        how=passes.how,
+        coarse=True,
+    )
     yield from one.jobs()
     for name in ("dh", "precision"):
         yield map_raster(f"{prefix}/{name}", coarse.grid, "float32", passes.scene.crs, passes.tile, nodata=NAN, unit="m")

@@ -81,4 +81,12 @@ def _trend(passes: Passes, one: CheckRound) -> Plan:
 
 
 def _second_pass(passes: Passes) -> CheckRound:
-    return CheckRound("dsm_check/second", passes.scene, passes.surface, passes.pairs, SECOND, passes.tile, passes.how)
+    return CheckRound(
+        prefix="dsm_check/second",
+        scene=passes.scene,
+        surface=passes.surface,
+        pairs=passes.pairs,
+        heights=SECOND,
+        tile=passes.tile,
+        how=passes.how,
+    )

@@ -18,7 +18,14 @@ def later_pass(passes: Passes, number: int, state: RoundState) -> Plan:
     prefix = f"dsm_check/rounds/{number}"
     yield from _carried(passes, before)
     again = CheckRound(
-        prefix, passes.scene, passes.surface, passes.pairs, of_round(before, "carried"), small, passes.comparing(), again=state
+        prefix=prefix,
+        scene=passes.scene,
+        surface=passes.surface,
+        pairs=passes.pairs,
+        heights=of_round(before, "carried"),
+        tile=small,
+        how=passes.comparing(),
+        again=state,
     )
     yield from again.jobs()
     for name in ("dh", "sigma"):

@@ -37,15 +37,15 @@ def look_again_job(passes: Passes, number: int) -> Job:
     small = passes.tile if passes.everywhere else passes.small()
     how = passes.comparing()
     factor = passes.pairs.pixels_per_cell
-    again = CheckRound(KIND, passes.scene, passes.surface, passes.pairs, "", small, how)
+    again = CheckRound(prefix=KIND, scene=passes.scene, surface=passes.surface, pairs=passes.pairs, heights="", tile=small, how=how)
     where = LookAgain(
-        size,
-        small,
-        passes.surface.grid.shape,
-        passes.around,
-        again.nodes.halo * how.step,
-        node_halo(how, factor) + 1,
-        passes.everywhere,
+        block=size,
+        tile=small,
+        shape=passes.surface.grid.shape,
+        around=passes.around,
+        nodes=again.nodes.halo * how.step,
+        seen=node_halo(how, factor) + 1,
+        everywhere=passes.everywhere,
     )
     reads: Reads = {
         "asks": Raster(of_round(number, "asks"), Window(0, 0, *shape)),

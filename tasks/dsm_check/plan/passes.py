@@ -59,7 +59,9 @@ class Passes:
 
     def main(self, heights: str) -> CheckRound:
         """The pass at full resolution."""
-        return CheckRound(KIND, self.scene, self.surface, self.pairs, heights, self.tile, self.how)
+        return CheckRound(
+            prefix=KIND, scene=self.scene, surface=self.surface, pairs=self.pairs, heights=heights, tile=self.tile, how=self.how
+        )
 
     def tiles(self) -> Iterator[Tile]:
         return tiles_of(self.surface.grid.shape, self.tile)

@@ -127,7 +127,16 @@ class CheckRound:
             if self.scene.photos[photo].dtype != "uint8":
                 reads["stretch"] = grey_table(photo)
         factor = self.pairs.pixels_per_cell
-        what = WorkingTile(block.of(photo), block.camera_of(photo), self.grid, window, heights, factor, seen, level)
+        what = WorkingTile(
+            orientation=block.of(photo),
+            camera=block.camera_of(photo),
+            grid=self.grid,
+            window=window,
+            heights=heights,
+            pixels_per_cell=factor,
+            photo=seen,
+            level=level,
+        )
         return Job(
             stage=KIND,
             item=f"{self.item}ortho-{pair.name}-{side}",
@@ -165,13 +174,13 @@ class CheckRound:
         factor = self.pairs.pixels_per_cell
         seen = tile.window.grown(node_halo(self.how, factor)).clipped(pair.window.shape)
         what = NodeTile(
-            self.scene.block.of(pair.left),
-            self.scene.block.of(pair.right),
-            self.grid,
-            shifted(tile.window, pair.window.row, pair.window.col),
-            shifted(seen, pair.window.row, pair.window.col),
-            factor,
-            self.how.step,
+            left=self.scene.block.of(pair.left),
+            right=self.scene.block.of(pair.right),
+            grid=self.grid,
+            window=shifted(tile.window, pair.window.row, pair.window.col),
+            seen=shifted(seen, pair.window.row, pair.window.col),
+            pixels_per_cell=factor,
+            step=self.how.step,
         )
         reads: Reads = {
             "left": Raster(ortho_raster(pair.name, "left", self.prefix), seen.scaled(factor)),

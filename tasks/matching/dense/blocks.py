@@ -78,17 +78,17 @@ class DenseMatching(Settings):
     @property
     def limits(self) -> EpipolarLimits:
         return EpipolarLimits(
-            self.edge_window // 2,
-            self.small_window // 2,
-            self.window // 2,
-            self.wide_window // 2,
-            self.weak_sigma,
-            self.max_shift,
-            self.surface_tolerance,
-            self.min_support,
-            self.min_correlation,
-            self.min_gradient,
-            self.smoothing,
+            edge_half=self.edge_window // 2,
+            small_half=self.small_window // 2,
+            half=self.window // 2,
+            wide_half=self.wide_window // 2,
+            weak_sigma=self.weak_sigma,
+            max_shift=self.max_shift,
+            surface_tolerance=self.surface_tolerance,
+            min_support=self.min_support,
+            min_correlation=self.min_correlation,
+            min_gradient=self.min_gradient,
+            smoothing=self.smoothing,
         )
 
 

@@ -239,7 +239,13 @@ class NodeLadder(NamedTuple):
 def _ladder() -> NodeLadder:
     first, smallest, outcome = np.zeros((3, RUN), np.int64)
     return NodeLadder(
-        np.empty((RUN, 7)), np.empty((RUN, 10)), first, smallest, outcome, np.zeros(RUN, np.bool_), np.arange(_NONE + 1)
+        kept=np.empty((RUN, 7)),
+        normal=np.empty((RUN, 10)),
+        first=first,
+        smallest=smallest,
+        outcome=outcome,
+        tried=np.zeros(RUN, np.bool_),
+        places=np.arange(_NONE + 1),
     )
 
 

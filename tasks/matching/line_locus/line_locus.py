@@ -100,18 +100,18 @@ def found_heights(
     out = FoundHeights.empty(lines.start.shape)
     spacings = settings.spacings(metres_per_pixel)
     rules = _SearchRules(
-        settings.half,
-        settings.interpolation == "bilinear",
-        settings.photographs,
-        settings.side_points if first_points is None else first_points,
-        settings.side_points,
-        len(spacings),
-        float(spacings[-1]),
-        metres_per_pixel,
-        settings.fit == "parabola",
-        _MEASURES[settings.measure],
-        settings.threshold.limits(settings.pixels),
-        settings.passed_on == "found",
+        half=settings.half,
+        bilinear=settings.interpolation == "bilinear",
+        photographs=settings.photographs,
+        first_points=settings.side_points if first_points is None else first_points,
+        side_points=settings.side_points,
+        rounds=len(spacings),
+        finest=float(spacings[-1]),
+        per_pixel=metres_per_pixel,
+        parabola=settings.fit == "parabola",
+        measure=_MEASURES[settings.measure],
+        limits=settings.threshold.limits(settings.pixels),
+        found_passes=settings.passed_on == "found",
     )
     if len(images.frames):
         _search(images, lines, order, rules, np.log(WORTHS), np.log(TRIALS), WindowBuffers.of(settings.half), out)

@@ -44,13 +44,13 @@ def queues_for(region: np.ndarray) -> Queues:
     """Empty queues for nodes (N,) of regions 0 to n - 1."""
     count, regions = len(region), int(region.max(initial=-1)) + 1
     return Queues(
-        region.astype(np.int32),
-        np.zeros(count, np.uint8),
-        np.full((count, PRIORITIES), -1, np.int32),
-        np.full((regions, PRIORITIES), -1, np.int32),
-        np.full((regions, PRIORITIES), -1, np.int32),
-        np.full((count, 2), np.nan),
-        np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)),
+        region=region.astype(np.int32),
+        waiting=np.zeros(count, np.uint8),
+        after=np.full((count, PRIORITIES), -1, np.int32),
+        first=np.full((regions, PRIORITIES), -1, np.int32),
+        last=np.full((regions, PRIORITIES), -1, np.int32),
+        start=np.full((count, 2), np.nan),
+        affine=np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)),
     )
 
 

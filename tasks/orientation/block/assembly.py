@@ -306,7 +306,16 @@ def _known_together(parts: list[Part], number: np.ndarray, photos: int) -> Known
         in_first = part.datum.similarity.apply(part.known.control_model) + part.datum.origin - parts[0].datum.origin
         model = np.where(np.isfinite(model), model, in_first)
     first = parts[0].known
-    return Known(position, sigma, first.control, first.control_sigma, model, up, top, first.distances)
+    return Known(
+        position=position,
+        position_sigma=sigma,
+        control=first.control,
+        control_sigma=first.control_sigma,
+        control_model=model,
+        up=up,
+        top=top,
+        distances=first.distances,
+    )
 
 
 def _datum_together(parts: list[Part], number: np.ndarray, photos: int) -> Datum:
@@ -376,7 +385,15 @@ def _network(material: GrowthMaterial, problem: Problem, vertical: np.ndarray, c
     present = np.isin(np.arange(len(problem.cameras)), problem.camera_of)[:, None]
     interior = replace(material.interior, free=material.interior.free & present, considered=material.interior.considered & present)
     none, nothing = np.zeros((len(problem.names), 3)), np.zeros((count, 3))
-    return Network(problem.camera_of, interior, none, none, nothing, nothing, vertical)
+    return Network(
+        camera_of=problem.camera_of,
+        interior=interior,
+        centre=none,
+        centre_weight=none,
+        point=nothing,
+        point_weight=nothing,
+        vertical_weight=vertical,
+    )
 
 
 def _usable(problem: Problem, network: Network, state: State, finite: np.ndarray) -> np.ndarray:

@@ -74,7 +74,13 @@ def stated_of(source: ControlFromFiles | None) -> StatedControl:
         return StatedControl()
     corner = None if source.origin is None else source.origin == "corner"
     return StatedControl(
-        source.sigma_plan, source.sigma_height, source.sigma_px, source.check, source.errors_in, corner, source.crs
+        sigma_plan=source.sigma_plan,
+        sigma_height=source.sigma_height,
+        sigma_px=source.sigma_px,
+        check=source.check,
+        unit=source.errors_in,
+        corner=corner,
+        crs=source.crs,
     )
 
 

@@ -159,7 +159,15 @@ def _read(number: int, line: str, sign: Separation, photos: PhotosByWord) -> _Me
         return f"GCP list, line {number}: '{cut}', {CUT}."
     photo, rest = _photo_and_name(cells[5:], photos, bool(sign.sign))
     x, y, z, col, row = values
-    return _Measured(number, (x, y, z), col, row, photo, (name, *rest) if name else rest, (cells[0], cells[1], cells[2]))
+    return _Measured(
+        line=number,
+        xyz=(x, y, z),
+        col=col,
+        row=row,
+        photo=photo,
+        rest=(name, *rest) if name else rest,
+        written=(cells[0], cells[1], cells[2]),
+    )
 
 
 def _values(cells: list[str], sign: Separation) -> list[float]:

@@ -139,7 +139,9 @@ def _block_of_sensors(
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     nominal = len(usable) < ENOUGH_CONTROL
     material, tracks = _material(photos, cameras, tie_points, relative, choices, nominal)
-    have = _Input(photos, cameras, control, material, choices, seen.tops, elevation)
+    have = _Input(
+        photos=photos, cameras=cameras, control=control, material=material, choices=choices, tops=seen.tops, elevation=elevation
+    )
 
     def with_cameras(others: Cameras) -> _Input:
         return replace(have, cameras=others, material=_material(photos, others, tie_points, relative, choices, nominal)[0])
@@ -186,7 +188,16 @@ def _material(
     camera_of = np.array([used.index(cameras.of_photo[name]) for name in photos.names], np.int64)
     values = [cameras.cameras[name] for name in used]
     interior = interior_prior(values, choices.interior, keep_nominal)
-    return GrowthMaterial(photos.names, tuple(used), values, camera_of, interior, rays, len(tracks), relative.pairs), tracks
+    return GrowthMaterial(
+        names=photos.names,
+        camera_names=tuple(used),
+        cameras=values,
+        camera_of=camera_of,
+        interior=interior,
+        rays=rays,
+        points=len(tracks),
+        relative=relative.pairs,
+    ), tracks
 
 
 def _given(photos: Photos, given: Mapping[str, ForeignPose] | None) -> tuple[Given | None, np.ndarray | None]:
@@ -362,8 +373,8 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     except GeometryError as error:
         # Without a result there are no rejected rays, so all that are sufficiently observed are judged.
         weak = weakest(network, state, sufficiently_observed(network, rays))
-        return _Attempt(problem, datum, rays, findings, error, weak, str(error))
-    return _Attempt(problem, datum, rays, (*found.found, *findings), found, weak, AWAY)
+        return _Attempt(problem=problem, datum=datum, rays=rays, findings=findings, outcome=error, weak=weak, why=str(error))
+    return _Attempt(problem=problem, datum=datum, rays=rays, findings=(*found.found, *findings), outcome=found, weak=weak, why=AWAY)
 
 
 def _with_agreeing(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock, parts: list[Part]) -> list[Part]:
@@ -395,7 +406,16 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
     datum = _as_adjusted(datum, problem, tested.result)
     zooms = own_constants(sources, problem.names)
-    return BlockResults(have.cameras, problem, tested.result, datum, findings, tested.restart, statements, zooms)
+    return BlockResults(
+        cameras=have.cameras,
+        problem=problem,
+        result=tested.result,
+        datum=datum,
+        findings=findings,
+        restart=tested.restart,
+        statements=statements,
+        zooms=zooms,
+    )
 
 
 def _as_adjusted(datum: Datum, problem: Problem, result: Adjustment) -> Datum:

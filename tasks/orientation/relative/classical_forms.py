@@ -71,7 +71,13 @@ def classical_forms(block: Block, photos: Photos, tie_points: TiePoints, left: s
     dependent = _rows("dependent", _DEPENDENT, found.solution, pair, lambda b, R: dependent_form(b, R, *pair.constants).unknowns)
     rotations = _rows("five rotations", _FIVE, five, pair, lambda b, R: five_rotation_form(b, R, *pair.constants).unknowns)
     return PairForms(
-        left, right, pair.turns, len(found.kept), int(found.kept.sum()), float(found.solution.sigma0), (*dependent, *rotations)
+        left=left,
+        right=right,
+        quarter_turns=pair.turns,
+        matches=len(found.kept),
+        kept=int(found.kept.sum()),
+        sigma0_px=float(found.solution.sigma0),
+        unknowns=(*dependent, *rotations),
     )
 
 
@@ -147,7 +153,13 @@ def _rows(
         unit = 180.0 / np.pi if angle else 1.0
         sigmas = [None if sigma is None else float(unit * sigma[k]) for sigma in (own, spread)]
         row = PairUnknown(
-            form, name, "degrees" if angle else "", float(unit * of_points[k]), sigmas[0], float(unit * of_block[k]), sigmas[1]
+            form=form,
+            name=name,
+            unit="degrees" if angle else "",
+            of_points=float(unit * of_points[k]),
+            sigma_of_points=sigmas[0],
+            of_block=float(unit * of_block[k]),
+            sigma_of_block=sigmas[1],
         )
         rows.append(row)
     return rows

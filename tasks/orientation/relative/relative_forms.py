@@ -161,7 +161,9 @@ def five_rotation_form(base: np.ndarray, rotation: np.ndarray, c_left: float, c_
     x, y, z = base / np.linalg.norm(base)
     phi_1, kappa_1 = np.arcsin(z), np.arctan2(-y, x)
     omega_2, phi_2, kappa_2 = angles(rotation @ rotation_matrix(0.0, phi_1, kappa_1))
-    return FiveRotations(c_left, c_right, kappa_1, kappa_2, phi_1, phi_2, omega_2)
+    return FiveRotations(
+        c_left=c_left, c_right=c_right, kappa_1=kappa_1, kappa_2=kappa_2, phi_1=phi_1, phi_2=phi_2, omega_2=omega_2
+    )
 
 
 def smallest_rotation(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -164,12 +164,12 @@ def image_residuals(results: BlockResults, tracks: np.ndarray, control: Control)
     size = np.array([(problem.cameras[k].width, problem.cameras[k].height) for k in problem.camera_of])[rays.photo]
     order = np.argsort(track, kind="stable")
     return ImageResiduals(
-        track.astype(np.int32),
-        problem.active[rays.photo].astype(np.int32),
-        rays.xy[:, 0] + (size[:, 0] - 1) / 2,
-        (size[:, 1] - 1) / 2 - rays.xy[:, 1],
-        v[:, 0].astype(np.float32),
-        v[:, 1].astype(np.float32),
-        standardised.astype(np.float32),
-        used,
+        track=track.astype(np.int32),
+        photo=problem.active[rays.photo].astype(np.int32),
+        col=rays.xy[:, 0] + (size[:, 0] - 1) / 2,
+        row=(size[:, 1] - 1) / 2 - rays.xy[:, 1],
+        v_col=v[:, 0].astype(np.float32),
+        v_row=v[:, 1].astype(np.float32),
+        standardised=standardised.astype(np.float32),
+        used=used,
     ).take(order)

@@ -97,7 +97,13 @@ def _rigid(problem: Problem, state: State) -> RigidBlock:
     found = approximate_points(state, problem.cameras, problem.camera_of, own, len(problem.surveyed))
     place = np.where((found.missed > MEETING)[:, None], np.nan, found.point)
     return RigidBlock(
-        state.centre, state.rotation, depth, problem.camera_of, place, float(np.median(depth / constant)), _ground(state, rays)
+        centre=state.centre,
+        rotation=state.rotation,
+        depth=depth,
+        camera=problem.camera_of,
+        control=place,
+        pixel=float(np.median(depth / constant)),
+        ground=_ground(state, rays),
     )
 
 

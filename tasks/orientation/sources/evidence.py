@@ -85,7 +85,9 @@ def equations(block: RigidBlock, told: Told) -> Equations:
     mounting = told.mounting_sigma * np.array([1.0, 1.0, COMPASS])
     survey = [told.model.sigma if told.model else 1.0]
     expected_sigma = np.concatenate([np.full(7, np.inf), common, mounting, survey, told.constant_sigma])
-    return Equations(source, photo, axis, place, y, A, sigma, expected, expected_sigma)
+    return Equations(
+        source=source, photo=photo, axis=axis, place=place, y=y, A=A, sigma=sigma, expected=expected, expected_sigma=expected_sigma
+    )
 
 
 _Part = tuple[np.ndarray, ...]

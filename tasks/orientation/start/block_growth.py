@@ -181,13 +181,13 @@ class BlockGrowth:
         photo = self.rays.photo[index]
         c = self.state.interior[self.material.camera_of[photo], 0]
         return PointRays(
-            first,
-            self.state.centre[photo],
-            self._directions(index),
-            self.state.rotation,
-            photo,
-            self.ideal[index],
-            self.tolerance(index) / c,
+            first=first,
+            origin=self.state.centre[photo],
+            direction=self._directions(index),
+            rotation=self.state.rotation,
+            photo=photo,
+            ideal=self.ideal[index],
+            tolerance=self.tolerance(index) / c,
         )
 
     def _directions(self, index: np.ndarray) -> np.ndarray:
@@ -405,13 +405,13 @@ def _free_network(material: GrowthMaterial, active: np.ndarray, calibrate: bool)
     free = interior.free & GROWTH_PARAMETERS & (calibrate & weighted)[:, None]
     fixed = replace(interior, free=free, considered=np.zeros_like(free))
     return Network(
-        material.camera_of[active],
-        fixed,
-        np.zeros((photos, 3)),
-        np.zeros((photos, 3)),
-        np.zeros((material.points, 3)),
-        np.zeros((material.points, 3)),
-        np.zeros(photos),
+        camera_of=material.camera_of[active],
+        interior=fixed,
+        centre=np.zeros((photos, 3)),
+        centre_weight=np.zeros((photos, 3)),
+        point=np.zeros((material.points, 3)),
+        point_weight=np.zeros((material.points, 3)),
+        vertical_weight=np.zeros(photos),
         free=True,
     )
 

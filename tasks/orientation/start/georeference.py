@@ -314,17 +314,17 @@ def _free(model: State, known: Known, origin: np.ndarray | None, approximate: tu
     if share is not None:
         scaled = f"; the positions show the scale to {100 * share:.0f} %"
     return Datum(
-        similarity,
-        np.zeros(3) if origin is None else origin,
-        True,
-        None,
-        f"Free network: neither positions nor control define a datum; {what}{scaled}; standard errors refer to the block's own "
-        "shape.",
-        (NoDatum(scaled=bool(scale), scale_share=share),),
-        known.positioned,
-        known.placed,
+        similarity=similarity,
+        origin=np.zeros(3) if origin is None else origin,
+        free=True,
+        up=None,
+        sentence=f"Free network: neither positions nor control define a datum; {what}{scaled}; standard errors refer to the "
+        "block's own shape.",
+        findings=(NoDatum(scaled=bool(scale), scale_share=share),),
+        positions_aside=known.positioned,
+        control_aside=known.placed,
         # Files in the project's system would put the block on another continent, in metres that are none.
-        own_system(bool(scale)) if origin is None else None,
+        system=own_system(bool(scale)) if origin is None else None,
     )
 
 

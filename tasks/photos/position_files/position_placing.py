@@ -76,7 +76,14 @@ def place(listed: PositionList, stated: str | None, crs: str, photos: list[Photo
     xyz, _ = transform_surveyed(points, system, crs)
     off = NOTHING_TO_COMPARE if crs == ANY_CRS else off_tags(xyz, *_tags_of(listed, photos, crs), system)
     return PlacedPositions(
-        xyz, system, by, exchanged, heights_of(system, crs, len(points)), in_degrees, tuple(missing.tolist()), off
+        xyz=xyz,
+        crs=system,
+        by=by,
+        exchanged=exchanged,
+        heights=heights_of(system, crs, len(points)),
+        in_degrees=in_degrees,
+        without_height=tuple(missing.tolist()),
+        off_tags=off,
     )
 
 

@@ -148,7 +148,15 @@ def _listed(line: Line, spec: tuple[Column, ...], names: tuple[str, ...], sign: 
     opk, ypr = _angles(cells, ("omega", "phi", "kappa"), sign), _angles(cells, ("yaw", "pitch", "roll"), sign)
     if isinstance(opk, str) or isinstance(ypr, str):
         return opk if isinstance(opk, str) else str(ypr)
-    return ListedPosition(line.number, name, place, sigma, opk, ypr, _fix(cells.get("fix", ""), sign))
+    return ListedPosition(
+        line=line.number,
+        name=name,
+        xyz=place,
+        sigma=sigma,
+        omega_phi_kappa=opk,
+        yaw_pitch_roll=ypr,
+        fix=_fix(cells.get("fix", ""), sign),
+    )
 
 
 def _sigma(cells: dict[str, str], units: dict[str, float], sign: Separation) -> Triple | str | None:

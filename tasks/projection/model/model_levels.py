@@ -65,7 +65,7 @@ def mean_cells(parts: Iterator[ColouredCorners], cell: float) -> MeanCells:
     seen = sums[:, 7] > 0
     colours = np.where(seen[:, None], np.rint(sums[:, 4:7] / np.maximum(sums[:, 7:], 1)), UNSEEN).astype(np.uint8)
     (x, y, z), (red, green, blue) = places.T, colours.T
-    return MeanCells(codes, x, y, z, red, green, blue, np.where(seen, 255, 0).astype(np.uint8))
+    return MeanCells(code=codes, x=x, y=y, z=z, red=red, green=green, blue=blue, known=np.where(seen, 255, 0).astype(np.uint8))
 
 
 def coarse_node(

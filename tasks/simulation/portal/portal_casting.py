@@ -66,7 +66,7 @@ def cells_of(low: np.ndarray, high: np.ndarray, window: tuple[float, float, floa
     begin = np.clip(begin[inside], 0, (cols - 1, rows - 1)).astype(np.int64)
     end = np.clip(end[inside], 0, (cols - 1, rows - 1)).astype(np.int64)
     first, items = _sorted_in(number, begin, end, cols, rows)
-    return Cells(first, items, float(left), float(upper), float(size), cols, rows)
+    return Cells(first=first, items=items, left=float(left), upper=float(upper), size=float(size), cols=cols, rows=rows)
 
 
 @njit()

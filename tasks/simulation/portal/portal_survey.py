@@ -42,7 +42,9 @@ def survey_portal(seed: int, reduction: float, sigmas: tuple[float, float]) -> t
         pixels = view.project(true) + generator.normal(0.0, sigmas[1], (len(true), 2))
         rows += [(names[k], view.name, *pixels[k].round(3), sigmas[1]) for k in np.flatnonzero(seen)]
     columns = [np.array(column) for column in zip(*rows, strict=True)]
-    return ControlRows(names, roles, x, y, z, sigma, sigma, sigma), MeasurementRows(*columns)
+    return ControlRows(name=names, role=roles, x=x, y=y, z=z, sigma_x=sigma, sigma_y=sigma, sigma_z=sigma), MeasurementRows(
+        *columns
+    )
 
 
 def scanned_portal(seed: int, cell: float, noise: float) -> PortalMesh:

@@ -50,7 +50,16 @@ class Aloft(NamedTuple):
 
 def nothing_aloft() -> Aloft:
     """A scene in which every column is solid."""
-    return Aloft(np.zeros((0, 0), np.int32), np.zeros((0, 0), np.float32), np.zeros((0, 7)), np.zeros((0, 6)), 0.0, 0.0, 1.0, 0)
+    return Aloft(
+        number=np.zeros((0, 0), np.int32),
+        ground=np.zeros((0, 0), np.float32),
+        stand=np.zeros((0, 7)),
+        spans=np.zeros((0, 6)),
+        west=0.0,
+        north=0.0,
+        cell=1.0,
+        seed=0,
+    )
 
 
 def lifted(scene: Scene, painted: PaintedWindow, grid: MapGrid, window: Window, photo: int) -> tuple[PaintedWindow, Aloft]:
@@ -67,7 +76,16 @@ def lifted(scene: Scene, painted: PaintedWindow, grid: MapGrid, window: Window, 
     stand, number, ground = stand_in_wind(scene, photo), np.zeros(window.shape, np.int32), height.copy()
     stamp_crowns(height, building, number, (x, y), stand, scene.settings.seed)
     _hang_wires(height, building, number, (x, y), spans)
-    aloft = Aloft(number, ground, stand, spans, float(grid.west), float(grid.north), grid.cell, scene.settings.seed)
+    aloft = Aloft(
+        number=number,
+        ground=ground,
+        stand=stand,
+        spans=spans,
+        west=float(grid.west),
+        north=float(grid.north),
+        cell=grid.cell,
+        seed=scene.settings.seed,
+    )
     return PaintedWindow(SurfaceWindow(height, material, building), colours), aloft
 
 
