@@ -141,6 +141,14 @@ def test_nobody_loads_the_distributions_of_scipy():
     nobody(offenders(modules("schemas", "tasks", "pipeline"), "scipy.stats"))
 
 
+def test_every_kernel_says_what_it_takes():
+    texts = {path: path.read_text() for path in modules("tasks")}
+    trees = ((path, ast.parse(text)) for path, text in texts.items() if "njit" in text)
+    functions = ((path, node) for path, tree in trees for node in tree.body if isinstance(node, ast.FunctionDef))
+    kernels = ((path, f) for path, f in functions if any("njit" in ast.unparse(one) for one in f.decorator_list))
+    nobody(f"{relative(path)}: {kernel.name}" for path, kernel in kernels if not ast.get_docstring(kernel))
+
+
 def test_what_a_job_reads_and_writes_is_named_where_it_is_made():
     texts = {path: path.read_text() for path in modules("tasks", "orthomill")}
     calls = ((path, node) for path, text in texts.items() if " Job(" in text for node in ast.walk(ast.parse(text)))

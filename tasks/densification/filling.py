@@ -48,6 +48,7 @@ _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1,
 
 @njit(inline="always")
 def _enclosed(found):
+    """Whether heights were `found` (8,) in two opposite directions."""
     # Heights on one side only would be extrapolated: at the border of the block and at roof edges that invents ground.
     return (found[0] and found[4]) or (found[1] and found[5]) or (found[2] and found[6]) or (found[3] and found[7])
 

@@ -37,6 +37,7 @@ class FusedCells:
 
 @njit(inline="always")
 def _agree(seed, other, seed_sigma, other_sigma, agreement, tolerance):
+    """Whether two heights (m) with their standard errors differ by no more than chance, or than `tolerance` (m)."""
     # Within a cell the ground itself varies, so very precise heights of two pairs may differ without contradiction: hence the
     # floor `tolerance` besides the statistical test.
     return abs(seed - other) <= max(agreement * np.sqrt(seed_sigma**2 + other_sigma**2), tolerance)

@@ -77,11 +77,13 @@ class _CellArrays(NamedTuple):
 
 @njit(inline="always")
 def _corner(nodes, i, j):
+    """The node (i, j) as a corner of triangles."""
     return _Corner(nodes.col[i, j], nodes.row[i, j], nodes.z[i, j], nodes.sigma[i, j])
 
 
 @njit(inline="always")
 def _keep_highest(cells, r, c, z, sigma):
+    """Keep `z` (m) with its `sigma` in the cell (r, c) of the grid, unless a higher one is there."""
     if not cells.height[r - cells.first_row, c - cells.first_col] >= z:
         cells.height[r - cells.first_row, c - cells.first_col] = z
         cells.sigma[r - cells.first_row, c - cells.first_col] = sigma
@@ -155,6 +157,7 @@ def _add(nodes, limits, rows, cells, alone):
 
 @njit()
 def _complete(cells, alone):
+    """Fill cells that no triangle covers with those of single nodes, `alone`."""
     for r in range(cells.height.shape[0]):
         for c in range(cells.height.shape[1]):
             if np.isnan(cells.height[r, c]):

@@ -67,6 +67,8 @@ def _beyond(z, reference, calm, tolerance):
 
 @njit()
 def _add(height, sigma, reference, calm, tolerance, heights, sigmas):
+    """Put heights of one pair (r, c), m, into the stacks `heights`, `sigmas` (k, r, c), in place of the least precise one. Heights
+    beyond what `reference`, `calm` and `tolerance` allow are left out."""
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):
             z = height[r, c]

@@ -61,6 +61,7 @@ class _PairBits(NamedTuple):
 
 @njit()
 def _keep(nodes, accepted, corner, source, cells):
+    """Keep the `accepted` nodes of one pair in `cells`: in each the most precise points, the best one first, and who sees it."""
     rows, cols, most = cells.sigma.shape
     for i in range(accepted.shape[0]):
         for j in range(accepted.shape[1]):

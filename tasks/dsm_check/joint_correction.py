@@ -93,6 +93,9 @@ def joint(
 
 @njit()
 def _join(all_dh, all_sigma, bends, common, dh, sigma, disputed):
+    """Join the corrections of all pairs, `all_dh` and `all_sigma` (k, r, c) m, to `dh` and `sigma` (r, c): means by weight, without
+    pairs that contradict the others, `disputed` where two are left that contradict each other. bends (k,): m, standard errors
+    that the cells of a map share; common (k, k): correlation of the noise of the maps."""
     values, errors = np.empty(all_dh.shape[0]), np.empty(all_dh.shape[0])
     which = np.empty(all_dh.shape[0], np.int64)
     for r in range(dh.shape[0]):

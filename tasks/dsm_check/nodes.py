@@ -259,6 +259,7 @@ def _heights(tile: NodeTile, cells: np.ndarray, heights: np.ndarray) -> np.ndarr
 
 @njit()
 def _heights_at(heights, cells, out):
+    """Heights (m) at `cells` (n, 2) as (col, row), bilinear, into `out` (n,); NaN where a cell is unknown."""
     for i in range(cells.shape[0]):
         known = np.isfinite(cells[i, 0]) and np.isfinite(cells[i, 1])
         out[i] = height_at(heights, cells[i, 1], cells[i, 0]) if known else np.nan

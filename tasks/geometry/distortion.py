@@ -222,18 +222,21 @@ def _undistort_wide(xd, yd, n):
 
 @njit()
 def _distort_all(xy, lens, out):
+    """`distort_point` for every row of `xy` (n, 2), into `out`."""
     for i in range(xy.shape[0]):
         out[i, 0], out[i, 1] = distort_point(xy[i, 0], xy[i, 1], lens)
 
 
 @njit()
 def _undistort_all(xy, lens, out):
+    """`undistort_point` for every row of `xy` (n, 2), into `out`."""
     for i in range(xy.shape[0]):
         out[i, 0], out[i, 1] = undistort_point(xy[i, 0], xy[i, 1], lens)
 
 
 @njit()
 def _slopes_all(xy, lens, slopes, partials):
+    """`distortion_slopes` (n, 2, 2) and `lens_partials` (n, 2, k) for every row of `xy` (n, 2)."""
     for i in range(xy.shape[0]):
         slopes[i, 0, 0], slopes[i, 0, 1], slopes[i, 1, 0], slopes[i, 1, 1] = distortion_slopes(xy[i, 0], xy[i, 1], lens)
         lens_partials(xy[i, 0], xy[i, 1], lens, partials[i])

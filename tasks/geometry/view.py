@@ -175,6 +175,8 @@ def empty_row(count):
 # field of view. Here the lens is asked for once and nothing in the loop branches, so that compilers use vector instructions.
 @njit(error_model="numpy", fastmath={"contract"}, inline="always")
 def _fill_row(n, x, y, z, widest, brown, out):
+    """Project a row of the ground, `x` (n,) m at `y`, with heights `z` (n,), into `out`. widest: squared tangent of the field of
+    view; brown: whether the lens is of Brown's model, whose formula is then compiled into the loop."""
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     dy = y - n.yc
     across, along, away = n.r12 * dy, n.r22 * dy, n.r32 * dy
@@ -204,6 +206,7 @@ def frame_row(n, x, y, z, widest, out):
 
 @njit()
 def _frame(n, x, y, z, widest, out):
+    """Whether the photograph shows the ground at `x` (c,), `y` (r,), `z` (r, c), m, into `out` (r, c)."""
     line = empty_row(x.size)
     for i in range(y.size):
         frame_row(n, x, y[i], z[i], widest, line)

@@ -43,6 +43,7 @@ def smoothed(grey: np.ndarray, sigma: float) -> np.ndarray:
 
 @njit()
 def _gaps_marked(grey):
+    """The image with NaN for pixels without value."""
     out = np.empty(grey.shape, np.float32)
     for r in range(grey.shape[0]):
         for c in range(grey.shape[1]):

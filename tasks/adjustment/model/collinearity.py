@@ -20,11 +20,14 @@ ROTATION, EXTERIOR = 3, 6
 
 @njit(inline="always")
 def _lens(n, model):
+    """The lens of the interior parameters `n` (INTERIOR order) with the `model` number."""
     return LensNumbers(n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16], model)
 
 
 @njit()
 def _residuals(photo, point, xy, rotation, centre, points, interior, models):
+    """(m, 2) px: image coordinates `xy` (m, 2) less those computed, BEHIND for points that no camera can see. photo, point (m,):
+    rows of `rotation` (P, 3, 3), `centre` (P, 3), `interior` (P, INTERIOR), `models` (P,), and of `points` (N, 3)."""
     out = np.empty((len(photo), 2))
     for i in range(len(photo)):
         R, n = rotation[photo[i]], interior[photo[i]]
@@ -45,6 +48,8 @@ def _residuals(photo, point, xy, rotation, centre, points, interior, models):
 
 @njit()
 def _derivatives(photo, point, rotation, centre, points, interior, models, wanted):
+    """Derivatives of the computed image coordinates of `_residuals` by exterior and `wanted` interior parameters (m, 2, EXTERIOR
+    + k), and by the points (m, 2, 3); zeros for points behind the camera."""
     jg = np.zeros((len(photo), 2, EXTERIOR + len(wanted)))
     jp = np.zeros((len(photo), 2, 3))
     du = np.empty((2, 3))

@@ -141,6 +141,8 @@ def _position(pattern, s, row, column):
 
 @njit()
 def _add(pattern, values, columns, pieces):
+    """Add symmetric `pieces` (n, k, k) at the `columns` (n, k), negative ones nowhere, to the `values` of a matrix with this
+    pattern."""
     for t in range(len(columns)):
         for a in range(columns.shape[1]):
             ca = columns[t, a]
@@ -160,6 +162,7 @@ def _add(pattern, values, columns, pieces):
 
 @njit()
 def _pieces(pattern, values, columns):
+    """(n, k, k): the matrix at `columns` (n, k); NaN where the pattern has no block."""
     k = columns.shape[1]
     out = np.zeros((len(columns), k, k))
     for t in range(len(columns)):
@@ -177,6 +180,7 @@ def _pieces(pattern, values, columns):
 
 @njit()
 def _read(pattern, values, dense):
+    """Take the `values` of the pattern's blocks from a `dense` matrix."""
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
             h, at = pattern.partner[s], pattern.offset[s]
@@ -188,6 +192,7 @@ def _read(pattern, values, dense):
 
 @njit()
 def _add_product(pattern, values, left, right):
+    """Add `left` @ `right`.T (both (n, k)) to the `values`, within the pattern."""
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
             h, at = pattern.partner[s], pattern.offset[s]
@@ -202,6 +207,7 @@ def _add_product(pattern, values, left, right):
 
 @njit()
 def _scale(pattern, values, scale):
+    """Multiply the `values` by `scale` (n,) of their row and of their column."""
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):
             h, at = pattern.partner[s], pattern.offset[s]
@@ -213,6 +219,7 @@ def _scale(pattern, values, scale):
 
 @njit()
 def _times(pattern, values, vectors):
+    """(n, k): the symmetric matrix times `vectors` (n, k)."""
     out = np.zeros(vectors.shape)
     for g in range(len(pattern.first) - 1):
         for s in range(pattern.first[g], pattern.first[g + 1]):

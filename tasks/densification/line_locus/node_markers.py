@@ -45,6 +45,7 @@ def marked_picture(images: Sequence[GreyImage], lines: NodeLines, cell: float, f
 
 @njit(error_model="numpy")
 def _ground(image, x, y, cell, height, factor, out):
+    """Grey values 0 to 255 of a photograph on the ground at `height` (r, c), m, `factor` by `factor` for every cell, into `out`."""
     stride = image.frames[0, 2]
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):

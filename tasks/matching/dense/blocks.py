@@ -217,6 +217,7 @@ def consistent(nodes: NodeParallaxes, settings: DenseMatching) -> NodeParallaxes
 
 @njit()
 def _agreeing(parallax, tolerance):
+    """(r, c) uint8: how many of eight neighbours have a parallax within `tolerance` (px)."""
     rows, cols = parallax.shape
     count = np.zeros((rows, cols), np.uint8)
     for r in range(1, rows - 1):

@@ -36,6 +36,8 @@ def joined(parallax: np.ndarray, sigma: np.ndarray, slopes: np.ndarray) -> np.nd
 
 @njit(error_model="numpy")
 def _join(parallax, sigma, slopes, out):
+    """Move every node of `parallax` (r, c) px to the plane of its neighbourhood, into `out`, where that is within its standard
+    error."""
     for i in range(parallax.shape[0]):
         for j in range(parallax.shape[1]):
             if parallax[i, j] == parallax[i, j]:

@@ -131,6 +131,8 @@ def _median_around(values, at, reach, found):
 
 @njit(error_model="numpy")
 def _first_planes(values, wanted, reach, step, tolerance, planes):
+    """Planes (parallax and its slopes) through the `values` (r, c) px within `reach` nodes of every `wanted` one, into `planes`
+    (r, c, 3). tolerance (px): what belongs to a plane; step: pixels between nodes."""
     whole = (2 * reach + 1) ** 2
     weights, found = np.ones_like(values), np.empty(whole, np.float32)
     guess, plane = np.zeros(3), np.empty(3)
@@ -198,6 +200,8 @@ def _reach(half: int, step: int) -> int:
 
 @njit(error_model="numpy")
 def _smoothed_planes(planes, weights, reach, step, tolerance, out):
+    """Planes through the heights of `planes` (r, c, 3) around every node, by `weights`, into `out`; the old one where none is
+    found."""
     values = planes[:, :, 0].copy()
     guess, plane = np.empty(3), np.empty(3)
     for i in range(values.shape[0]):

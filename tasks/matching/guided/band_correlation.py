@@ -138,6 +138,9 @@ def _parabola(before, at, after):
 
 @njit(error_model="numpy")
 def _match(left, right, of_left, of_right, points, columns, extent, limits, sub_pixel, out):
+    """Correlate the window about each of `points` (n, 2) (col, row) along its row of the other image, within `columns` (n, 2), into
+    `out`. of_left, of_right: means and norms of all windows; extent: shift of columns, room for the sub-pixel place, half window;
+    limits: least norm and least correlation."""
     shift, beside, half = extent
     least, min_correlation = limits
     side, cols = 2 * half + 1, right.shape[1]

@@ -307,6 +307,7 @@ def _centroid(seen, n):
 
 @njit(error_model="numpy", inline="always")
 def _limited(value, limit):
+    """`value`, at most `limit` away from zero."""
     return min(max(value, -limit), limit)
 
 
@@ -409,6 +410,7 @@ def _match_one(images, point, start, a, rules, scratch, values):
 
 @njit(error_model="numpy")
 def _forward_scratch(reach):
+    """The arrays that a window of `reach` px about its centre needs."""
     side = 2 * reach + 1
     return ForwardScratch(
         np.empty((side, 2), np.int64),

@@ -120,6 +120,8 @@ def found_heights(
 
 @njit(error_model="numpy")
 def _search(images, lines, order, rules, worths, trials, scratch, out):
+    """The best height of every node along its vertical line, in `order`, from its own start or that of a node before, into `out`.
+    images: the photographs; worths, trials: logarithms along the axes of the table of limits."""
     cols = lines.start.shape[1]
     passed = lines.start.copy()
     tried = np.empty(2 * rules.first_points + 1 + (2 * rules.side_points + 1) * rules.rounds, np.int64)

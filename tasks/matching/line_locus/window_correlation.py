@@ -70,6 +70,7 @@ class WindowBuffers(NamedTuple):
 
 @njit(inline="always")
 def _view(row):
+    """A view from the `row` of a table of numbers: numba makes no tuple of a variable length."""
     return ViewNumbers(
         row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12], row[13],
         row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24], row[25], row[26],
@@ -111,6 +112,7 @@ def _bilinear(pixels, first, stride, side, u, v, out):
 
 @njit(error_model="numpy", fastmath=EXACT)
 def _squares(values, mean):
+    """Sum of the squares of `values` less their `mean`."""
     total = np.float32(0.0)
     for i in range(values.size):
         d = values[i] - mean
@@ -120,6 +122,7 @@ def _squares(values, mean):
 
 @njit(error_model="numpy", fastmath=EXACT)
 def _add(values, mean, factor, total):
+    """Add `factor` times the `values` less their `mean` to `total`."""
     for i in range(values.size):
         total[i] += (values[i] - mean) * factor
 

@@ -169,6 +169,8 @@ def _is_peak(measure, row, col, radius):
 
 @njit()
 def _peaks(measure, limit, radius, inside):
+    """Rows and columns of the largest values of `measure` within `radius` px, above `limit`, `inside` (top, left, bottom,
+    right)."""
     top, left, bottom, right = inside
     rows, cols = [], []
     for r in range(top, bottom):

@@ -115,6 +115,8 @@ def stretches(stack: PhotographStack, choice: Choice, candidates: CellRanges, mo
 
 @njit()
 def _stretches(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, pixels, parallax, out):
+    """Steps of height (of the levels of the volume) in which the widest parallax of two photographs changes by `parallax` px, into
+    `out` (r, c). Arguments as in `_costs`; pixels (p,): ground pixels of the photographs, in cells."""
     rows, cols = low.shape
     chosen = np.empty(starts.size, np.int64)
     for r in range(rows):
@@ -157,6 +159,11 @@ def _lookup(flat, start, rows, cols, plane, r, c, none):
 
 @njit()
 def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, share, blank, cost):
+    """Costs of every height of every cell, into `cost` (cells after each other, as `offset` says). flat: the signatures of all
+    photographs in a row, which begin at `starts` (p,) and have `sizes` (p, 2); planes (p, levels): where a cell of a level lies in
+    each; preferred: photographs in order of preference for every `spacing` cells; hidden (p, r, c): what does not see a cell; low
+    (r, c): its lowest level; none: the signature of no data; most: photographs at most; share: of their pairs, the best that
+    count; blank: distance of a pair of which one does not show the height."""
     rows, cols = low.shape
     count = starts.size
     widest = 0
@@ -255,6 +262,7 @@ def _partial_sort(rows, count, take, n):
 
 @njit()
 def _photographs_at(flat, starts, sizes, planes, hidden, winners, none, out):
+    """Add the number of photographs that see the level `winners` (r, c) of every cell to `out`; arguments as in `_costs`."""
     for r in range(winners.shape[0]):
         for c in range(winners.shape[1]):
             if winners[r, c] < 0:

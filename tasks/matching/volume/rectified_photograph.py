@@ -145,6 +145,7 @@ def _footprint(view: View, z: float) -> tuple[np.ndarray, np.ndarray]:
 
 @njit()
 def _nodes(n: ViewNumbers, x, y, z):
+    """(r, c, 2): pixels (col, row) of the ground at `x` (c,), `y` (r,) and the height `z`, m."""
     out = np.empty((y.size, x.size, 2))
     for i in range(y.size):
         for j in range(x.size):

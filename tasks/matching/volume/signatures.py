@@ -50,6 +50,8 @@ def signatures(grey: np.ndarray, half: int, stride: int) -> np.ndarray:
 
 @njit()
 def _compare(padded, half, stride, out, one, none):
+    """Census signatures into `out` (r, c): a bit for every pixel within `half` steps of `stride` px, set where it is darker than
+    the centre; `none` without data. padded: the image, wider by the reach on all sides; one: 1 in the type of `out`."""
     rows, cols = out.shape
     reach = half * stride
     for r in range(rows):

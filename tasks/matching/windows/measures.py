@@ -92,6 +92,8 @@ def data_rooms(levels, pixels, rooms):
 
 @njit()
 def _entropy(levels, pixels, rooms, first, terms, gains, out):
+    """Entropy of the grey `levels` in windows that grow about `pixels` (n, 2) (col, row) up to `rooms` (n,), into `out` (n,
+    sizes). first: half side of the smallest; terms: k ln k; gains: their differences."""
     counts = np.zeros(256, np.int64)
     for i in range(rooms.size):
         col, row = pixels[i]
@@ -123,6 +125,8 @@ def _entropy(levels, pixels, rooms, first, terms, gains, out):
 
 @njit()
 def _statistics(levels, pixels, rooms, first, out):
+    """Mean, standard deviation and range of the grey `levels` in growing windows, into `out` (3, n, sizes); arguments as in
+    `_entropy`."""
     for i in range(rooms.size):
         col, row = pixels[i]
         total, squares, low, high = 0, 0, 255, 0
@@ -150,6 +154,7 @@ def _statistics(levels, pixels, rooms, first, out):
 
 @njit()
 def _gradient_weights(levels, pixels, rooms, first, out):
+    """Weight and roundness (Foerstner) of growing windows, into `out` (2, n, sizes); arguments as in `_entropy`."""
     for i in range(rooms.size):
         col, row = pixels[i]
         xx, xy, yy = 0, 0, 0

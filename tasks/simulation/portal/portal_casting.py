@@ -71,6 +71,8 @@ def cells_of(low: np.ndarray, high: np.ndarray, window: tuple[float, float, floa
 
 @njit()
 def _sorted_in(number, begin, end, cols, rows):
+    """Items by cell: where those of each of cols x rows begin, and their numbers. begin, end (n, 2): cells (col, row) that an
+    item covers."""
     first = np.zeros(cols * rows + 1, np.int64)
     for i in range(len(number)):
         for r in range(begin[i, 1], end[i, 1] + 1):

@@ -61,6 +61,7 @@ def paint(material, s, t, seed, out):
 
 @njit(inline="always")
 def _set(out, red, green, blue):
+    """A colour into `out` (3,)."""
     out[0], out[1], out[2] = red, green, blue
 
 
@@ -73,6 +74,7 @@ def _grain(seed, s, t):
 
 @njit()
 def _masonry(s, t, seed, out):
+    """The colour of a wall of stones and bricks at `s`, `t` (m) along and up, into `out` (3,)."""
     course = 0.31
     row = int(np.floor(t / course))
     long = 0.38 + 0.2 * uniform_of(seed + 11, row, 0)
@@ -104,12 +106,14 @@ def _masonry(s, t, seed, out):
 
 @njit(inline="always")
 def _brick(seed, col, row, out):
+    """The colour of one brick into `out` (3,)."""
     tone = 0.75 + 0.45 * uniform_of(seed + 17, col, row)
     _set(out, 166.0 * tone, 94.0 * tone, 66.0 * tone)
 
 
 @njit()
 def _voussoirs(s, t, seed, out):
+    """The colour of the stones of an arch at `s` along and `t` across it (m), into `out` (3,)."""
     wedge = int(np.floor(s / 0.19))
     u = s - 0.19 * wedge
     if u < 0.01 or t < 0.012:
@@ -127,6 +131,7 @@ def _voussoirs(s, t, seed, out):
 
 @njit()
 def _slabs(material, s, t, seed, out):
+    """The colour of paving or steps at `s`, `t` (m), into `out` (3,)."""
     long, deep = (0.95, 10.0) if material == _STEPS else (0.72, 0.55)
     row = int(np.floor(t / deep))
     col = int(np.floor((s + 0.37 * row) / long))
@@ -141,6 +146,7 @@ def _slabs(material, s, t, seed, out):
 
 @njit()
 def _fresco(s, t, seed, out):
+    """The colour of a damaged painting at `s`, `t` (m), into `out` (3,)."""
     band = t / 0.12
     if int(np.floor(band)) % 5 == 0:
         # A border of lozenges.
@@ -164,6 +170,7 @@ def _fresco(s, t, seed, out):
 
 @njit()
 def _wood(s, t, seed, out):
+    """The colour of a panelled door at `s`, `t` (m), into `out` (3,)."""
     panel_s, panel_t = (s % 0.35) - 0.175, (t % 0.54) - 0.27
     frame = abs(panel_s) > 0.125 or abs(panel_t) > 0.215
     ring = value_noise(seed + 37, 34.0 * s if not frame else 5.0 * s, 3.0 * t if not frame else 40.0 * t)

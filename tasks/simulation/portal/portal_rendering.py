@@ -165,6 +165,8 @@ def _light_of(arrays, hit, share, other, place, seed, out):
 
 @njit()
 def _cast_central(out, n, corner_px, centre, axes, cells, arrays, seed):
+    """Colours of a photograph, four rays a pixel, into `out` (r, c, 3). n: the camera; corner_px: row and column of its first
+    pixel; axes (3, 3): rows of the rotation; cells, arrays: the triangles by cell of the view."""
     ray, place = np.empty(3), np.empty(3)
     for row in range(out.shape[0]):
         for col in range(out.shape[1]):
@@ -200,6 +202,7 @@ def front_orthoimage(grid: MapGrid, window: Window, seed: int) -> tuple[np.ndarr
 
 @njit()
 def _cast_parallel(out, depth, frame, corner_px, cells, arrays, seed):
+    """Colours of the facade seen straight, into `out` (r, c, 3), and its `depth` (r, c) m. frame: west, north and cell, m."""
     west, north, cell = frame
     ray, origin, place = np.array([0.0, 1.0, 0.0]), np.empty(3), np.empty(3)
     for row in range(out.shape[0]):
@@ -246,6 +249,7 @@ def sees(scene: LitScene, view: View, places: np.ndarray) -> np.ndarray:
 
 @njit()
 def _see(places, centre, axes, cells, facets, out):
+    """Whether nothing lies between the `centre` and each of `places` (n, 3), into `out` (n,)."""
     ray = np.empty(3)
     for i in range(len(places)):
         for k in range(3):
