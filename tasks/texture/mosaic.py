@@ -273,7 +273,7 @@ def texture_tile(
         rows = slice(top, top + window.height)
         ortho[rows], coverage[rows], rejected[rows] = rgba(blended), blended.seen, blended.rejected
         tally.add(blended)
-        seen += sees
+        seen += np.array(sees, np.int64)  # also where no photograph shows the tile
         empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
     names = [view.name for view in views]
     outside, hidden, missed = empty.tolist()

@@ -360,3 +360,9 @@ def test_of_two_colours_the_one_at_a_break_of_the_depth_goes_in_any_tiling(photo
     assert error[1] < error[0]
     tiled, _ = make(photos, radiometry, 60, rules=two, model=narrow, sources=pair)
     assert np.array_equal(tiled["ortho"], chosen["ortho"])
+
+
+def test_a_tile_that_no_photograph_shows_is_empty(photos, radiometry):
+    rasters, statistics = make(photos, radiometry, sources=[])
+    assert not rasters["coverage"].any() and not rasters["ortho"].any()
+    assert [one.photo_seen for one in statistics] == [{}]
