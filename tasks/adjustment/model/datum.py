@@ -66,8 +66,10 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
 
 
 def standardised_prior(network: Network, state: State) -> tuple[csr_array, np.ndarray]:
-    """All prior information but that on eliminated points, each observation in its standard error: derivatives (r, n) by the
-    unknowns and residuals (r,)."""
+    """Prior information on the block, each observation in its standard error: derivatives (r, n) by the unknowns, residuals (r,).
+
+    All but that on eliminated points and on the interior of cameras.
+    """
     rows, columns, values, residuals, count = [], [], [], [], 0
     for of, J, weight, residual in _prior(network, state, prior_factors(network, state, np.inf)):
         # A root of the weights: correlated observations become as many independent ones.
@@ -84,7 +86,11 @@ def standardised_prior(network: Network, state: State) -> tuple[csr_array, np.nd
     there = (column >= 0) & (value != 0.0)
     matrix = csr_array((value[there], (row[there], column[there])), shape=(count, network.unknowns))
     observed = np.diff(matrix.indptr) > 0
-    return matrix[observed], rest[observed]
+    # What is known of a camera by its tags or kind is a starting value with a generous standard error, no observation.
+    cameras = np.zeros(network.unknowns)
+    cameras[network.interior_columns[network.interior_columns >= 0]] = 1.0
+    own = abs(matrix) @ cameras > 0.0
+    return matrix[observed & ~own], rest[observed & ~own]
 
 
 def antennas(network: Network, state: State) -> np.ndarray:

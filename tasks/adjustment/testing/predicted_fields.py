@@ -9,7 +9,8 @@ of white noise, the redundancy matrix of these observations, and H = -J Q N_uf, 
 does to them. The best prediction of the coefficients is H' (P + H H')^-1 v (Moritz 1980). Rays less these fields, adjusted again
 with the weights of white noise, give the solution in which the block by rays alone, with its covariance of white noise and fields,
 is combined with all other observations by their weights. Residuals of the rays themselves take no part in the prediction: the form
-of the fields is an assumption, which serves to say by how much a block may err, not to correct it. Where nothing but rays
+of the fields is an assumption, which serves to say by how much a block may err, not to correct it. Nor do the prior values of
+cameras: fields that all photographs share look like a lens, and would be bent until a guessed lens is right. Where nothing but rays
 determines the block, nothing is predicted and nothing changes.
 
 Considered parameters move the block as fields do: their effects are part of the covariance of v, so that fields are not blamed for

@@ -41,9 +41,10 @@ def less(rays, size, fields):
 
 @pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
 def test_the_second_adjustment_combines_the_block_by_rays_with_all_else(share):
-    """By dense algebra: the block by rays alone, with the covariance of noise and fields, and positions, control and camera by
-    their weights."""
+    """By dense algebra: the block by rays alone, with the covariance of noise and fields, and positions and control by their
+    weights; nothing is known of the camera."""
     network, state, rays, size = drawn(1, 0.3, share)
+    network = replace(network, interior=replace(network.interior, weight=1e-8 * network.interior.weight))
     errors = CorrelatedErrors(0.3, share, 100.0, 0.5)
     before = adjust(network, state, rays)
     fields = predicted_fields(before, errors, size)
@@ -97,3 +98,10 @@ def test_centres_improve_and_have_the_stated_errors(share):
     before, after, stated = repeated(share)
     assert np.sqrt((after**2).mean()) < 0.8 * np.sqrt((before**2).mean())
     assert 0.7 < np.sqrt(np.mean((after / stated) ** 2)) < 1.3
+
+
+def test_what_is_known_of_cameras_beforehand_takes_no_part():
+    network, state, _, _ = drawn(3, 0.3, 0.6)
+    derivatives, _ = standardised_prior(network, state)
+    columns = network.interior_columns[network.interior_columns >= 0]
+    assert len(columns) and not derivatives[:, columns].count_nonzero()
