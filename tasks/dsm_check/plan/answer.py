@@ -3,8 +3,8 @@
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.raster import Tile
 from orthomill.tasks.dsm_check.correction_map import TOGETHER
-from orthomill.tasks.dsm_check.plan.passes import FAR, FILLED, Passes, counts_table, of_round, scratch_of
-from orthomill.tasks.dsm_check.plan.round_plan import KIND, Reads
+from orthomill.tasks.dsm_check.plan.passes import FAR, FILLED, Passes, counts_table, of_round, tile_job
+from orthomill.tasks.dsm_check.plan.round_plan import Reads
 from orthomill.tasks.dsm_check.rounds.finish import Finish, finish
 
 
@@ -29,14 +29,4 @@ def answer_job(
     if not passes.measured:
         reads["filled"] = Raster(FILLED, tile.window)
     params = {"window": tile.window, "wide": wide, "how": how}
-    return Job(
-        stage=KIND,
-        item="answer",
-        function=finish,
-        reads=reads,
-        writes=writes,
-        params=params,
-        row=tile.row,
-        col=tile.col,
-        scratch=scratch_of(tile),
-    )
+    return tile_job(item="answer", function=finish, reads=reads, writes=writes, params=params, tile=tile)

@@ -6,7 +6,7 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE
-from orthomill.tasks.dsm_check.plan.passes import FAR, NAN, SECOND, Passes, Plan, scratch_of
+from orthomill.tasks.dsm_check.plan.passes import FAR, NAN, SECOND, Passes, Plan, tile_job
 from orthomill.tasks.dsm_check.plan.round_plan import KIND, CheckRound, Reads, coarser
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
     FINER_HALO,
@@ -51,17 +51,7 @@ def placing(passes: Passes, view: ProjectView, source: SurfaceFile, look: int, l
         given = HeightFile(source.path, passes.scene.crs, there, tile.window, source.system)
         out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
         how = {"up": up - before.up}
-        yield Job(
-            stage=KIND,
-            item=f"placing-{look}-height",
-            function=raised,
-            reads={"heights": given},
-            writes=out,
-            params=how,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item=f"placing-{look}-height", function=raised, reads={"heights": given}, writes=out, params=how, tile=tile)
     yield from _coarse(passes, view, prefix, level, f"{prefix}/height")
     rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)
     whole = Raster(f"{prefix}/coarse", Window(0, 0, rows, cols))
@@ -114,17 +104,7 @@ def _finer(passes: Passes, level: int) -> Plan:
         out: dict[str, Raster | Table] = {"heights": Raster(f"dsm_check/level-{level - 1}/height", tile.window)}
         params = {"window": tile.window, "given": given}
         what = f"level-{level}-finer"
-        yield Job(
-            stage=KIND,
-            item=what,
-            function=finer_surface,
-            reads=reads,
-            writes=out,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item=what, function=finer_surface, reads=reads, writes=out, params=params, tile=tile)
 
 
 def _finest(passes: Passes, view: ProjectView) -> Plan:
@@ -137,17 +117,7 @@ def _finest(passes: Passes, view: ProjectView) -> Plan:
         reads |= {"sigma": Raster("dsm_check/level-1/precision", given), "under_test": Raster("dsm_check/input", tile.window)}
         out: dict[str, Raster | Table] = {"second": Raster(SECOND, tile.window), "far": Raster(FAR, tile.window)}
         params = {"window": tile.window, "given": given, "rule": rule}
-        yield Job(
-            stage=KIND,
-            item="level-1-finest",
-            function=finest_surface,
-            reads=reads,
-            writes=out,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item="level-1-finest", function=finest_surface, reads=reads, writes=out, params=params, tile=tile)
 
 
 def _level_heights(passes: Passes, level: int) -> RasterSpec:
@@ -185,14 +155,4 @@ def _coarse(passes: Passes, view: ProjectView, prefix: str, level: int, heights:
         writes: dict[str, Raster | Table] = {n: Raster(f"{prefix}/{n}", tile.window) for n in ("dh", "precision")}
         writes["coarse"] = Raster(f"{prefix}/coarse", coarser(tile.window, PAIRED))
         params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "cell": coarse.grid.cell}
-        yield Job(
-            stage=KIND,
-            item=f"{one.item}judge",
-            function=judge_coarse,
-            reads=reads,
-            writes=writes,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item=f"{one.item}judge", function=judge_coarse, reads=reads, writes=writes, params=params, tile=tile)

@@ -6,7 +6,7 @@ from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.plan.pass_state import look_again_job, state_after, state_rasters
-from orthomill.tasks.dsm_check.plan.passes import SECOND, Passes, Plan, counts_table, of_round, scratch_of
+from orthomill.tasks.dsm_check.plan.passes import SECOND, Passes, Plan, counts_table, of_round, tile_job
 from orthomill.tasks.dsm_check.plan.round_plan import KIND, CheckRound, Reads, coarser
 from orthomill.tasks.dsm_check.rounds.round_state import judge
 from orthomill.tasks.dsm_check.surfaces.surface_shift import TREND, surface_trend
@@ -41,17 +41,7 @@ def first_pass(passes: Passes, twice: bool) -> Plan:
             "disputed": Raster(of_round(1, "disputed"), tile.window),
             "counts": counts_table(tile),
         }
-        yield Job(
-            stage=KIND,
-            item="judge",
-            function=judge,
-            reads=reads,
-            writes=writes,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item="judge", function=judge, reads=reads, writes=writes, params=params, tile=tile)
     yield look_again_job(passes, 1)
 
 
@@ -64,17 +54,7 @@ def _trend(passes: Passes, one: CheckRound) -> Plan:
         reads: Reads = {"heights": Raster("dsm_check/input", tile.window), "nodes": near, "bends": BENDS}
         out: dict[str, Raster | Table] = {"coarse": Raster(_FIRST_BLOCKS, coarser(tile.window, size))}
         params = {"window": tile.window, "pairs": windows, "grid": one.nodes, "size": size}
-        yield Job(
-            stage=KIND,
-            item="trend-blocks",
-            function=blocks_of_nodes,
-            reads=reads,
-            writes=out,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item="trend-blocks", function=blocks_of_nodes, reads=reads, writes=out, params=params, tile=tile)
     whole = Raster(_FIRST_BLOCKS, Window(0, 0, *shape))
     params = {"grid": grid, "size": size, "pixel_height": passes.pairs.pixel_height}
     yield Job(stage=KIND, item="trend", function=surface_trend, reads={"coarse": whole}, writes={"trend": TREND}, params=params)

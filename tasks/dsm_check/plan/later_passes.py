@@ -5,8 +5,8 @@ from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.plan.pass_state import look_again_job, state_after, state_rasters
-from orthomill.tasks.dsm_check.plan.passes import Passes, Plan, of_round, scratch_of
-from orthomill.tasks.dsm_check.plan.round_plan import KIND, CheckRound, Reads, coarser
+from orthomill.tasks.dsm_check.plan.passes import Passes, Plan, of_round, tile_job
+from orthomill.tasks.dsm_check.plan.round_plan import CheckRound, Reads, coarser
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.round_state import MergeRule, RoundState, judge_again, least_change, merge, precise_enough
 
@@ -41,16 +41,13 @@ def later_pass(passes: Passes, number: int, state: RoundState) -> Plan:
             }
             params = {"window": tile.window, "pairs": windows, "grid": again.nodes, "block": block}
             what = f"{again.item}judge"
-            yield Job(
-                stage=KIND,
+            yield tile_job(
                 item=what,
                 function=judge_again,
                 reads={"active": active, "nodes": near, "bends": BENDS, **passes.of_trend},
                 writes=out,
                 params=params,
-                row=tile.row,
-                col=tile.col,
-                scratch=scratch_of(tile),
+                tile=tile,
             )
     yield from state_rasters(passes, number)
     for tile in passes.tiles():
@@ -71,17 +68,7 @@ def _carried(passes: Passes, number: int) -> Plan:
         }
         params = {"window": tile.window, "wide": wide, "reach": passes.around}
         out: dict[str, Raster | Table] = {"heights": Raster(name, tile.window)}
-        yield Job(
-            stage=KIND,
-            item=f"rounds/{number}-carry",
-            function=carry,
-            reads=reads,
-            writes=out,
-            params=params,
-            row=tile.row,
-            col=tile.col,
-            scratch=scratch_of(tile),
-        )
+        yield tile_job(item=f"rounds/{number}-carry", function=carry, reads=reads, writes=out, params=params, tile=tile)
 
 
 def _merge(passes: Passes, number: int, tile: Tile, small: int, judged: set[tuple[int, int]]) -> Job:
@@ -101,16 +88,13 @@ def _merge(passes: Passes, number: int, tile: Tile, small: int, judged: set[tupl
     pixel, size = passes.pairs.pixel_height, block_size(passes.surface.grid.shape)
     rule = MergeRule(passes.apply, passes.significance, size, number, least_change(pixel), precise_enough(pixel))
     params = {"window": tile.window, "parts": parts, "rule": rule}
-    return Job(
-        stage=KIND,
+    return tile_job(
         item=f"rounds/{number}-merge",
         function=merge,
         reads=reads,
         writes=state_after(passes, number, tile),
         params=params,
-        row=tile.row,
-        col=tile.col,
-        scratch=scratch_of(tile),
+        tile=tile,
     )
 
 

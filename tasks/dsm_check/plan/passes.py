@@ -4,9 +4,9 @@ Every pass leaves a raster of heights for the next one. A pass over the whole su
 which looks at a few places, small ones.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from orthomill.schemas.job import Job, Raster, Table
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
@@ -121,6 +121,18 @@ def counts_table(tile: Tile, name: str = "judged") -> Table[TileCounts]:
     return Table(f"dsm_check/{name}/{tile.row}-{tile.col}.json", TileCounts)
 
 
-def scratch_of(tile: Tile) -> int:
-    """Bytes: a row of windows of 96 values, and eight arrays of the tile."""
-    return tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64
+def tile_job(
+    item: str, function: Callable[..., Any], reads: Reads, writes: Mapping[str, Raster | Table], params: dict[str, Any], tile: Tile
+) -> Job:
+    """A job of a check on a tile, with memory for a row of windows of 96 values and eight arrays of the tile."""
+    return Job(
+        stage=KIND,
+        item=item,
+        function=function,
+        reads=reads,
+        writes=writes,
+        params=params,
+        row=tile.row,
+        col=tile.col,
+        scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
+    )
