@@ -4,6 +4,7 @@ The adjustment weights every ray by itself. Where its residuals show that image 
 all other observations to agree is predicted (`predicted_fields`), taken off the measurements, and the block is adjusted again.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +35,8 @@ def with_predicted_errors(tested: Tested, network: Network, rays: Rays, test: Bl
         return tested
     held = np.array([held_sigmas(camera) for camera in problem.cameras]) * (not fixed)
     taken = np.zeros((len(problem.names), 2, TERMS))
-    try:
+    # Where a second adjustment fails, the one before it stands.
+    with suppress(GeometryError):
         for _ in range(ROUNDS):
             before = _as_stated(tested.result)
             taken = predicted_fields(with_held(before, held), errors, size, taken).coefficients
@@ -44,8 +46,6 @@ def with_predicted_errors(tested: Tested, network: Network, rays: Rays, test: Bl
             tested = replace(tested, result=adjust(known, before.state, less, test))
             if len(tested.result.blunders) == len(before.blunders):
                 break
-    except GeometryError:
-        return tested
     return tested
 
 
