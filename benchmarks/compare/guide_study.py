@@ -17,8 +17,8 @@ from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import run_folders
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.surface import HEIGHT, MEASURED, PROVENANCE
+from orthomill.tasks.densification.plan.volume_jobs import GUIDE_REACH
 from orthomill.tasks.densification.stage import DensificationStage
-from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH
 from orthomill.tasks.evaluation.classes import PlaceClass
 
 _DEM = "model.tif"

@@ -15,7 +15,9 @@ from orthomill.tasks.densification.matching_block import (
     match_pair_block,
     sum_matching,
 )
-from orthomill.tasks.densification.report import completeness, median_of, report, y_parallax
+from orthomill.tasks.densification.plan.densification_jobs import surface_rules
+from orthomill.tasks.densification.precision.class_medians import median_of
+from orthomill.tasks.densification.report.densification_report import completeness, report, y_parallax
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
 from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
@@ -173,7 +175,7 @@ def test_the_settings_of_a_stage_reach_its_tiles():
             "fill": {"kind": "estimate", "max_gap": 3},
         }
     )
-    rules = stage.rules
+    rules = surface_rules(stage)
     assert rules.gridding.max_jump == 0.7 and rules.fusion.agreement == 2.0
     assert rules.spikes.rounds == 5 and rules.fill.reach == 3
     assert rules.completion.nearness == 2.5 and rules.points.most_per_cell == 5

@@ -24,7 +24,7 @@ from orthomill.schemas.surface import (
     Provenance,
 )
 from orthomill.tasks.densification.filling import MeasuredOnly
-from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
+from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.densification.volume import volume_tile

@@ -14,6 +14,8 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.line_locus.line_locus import FoundHeights, NodeLines
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImage, GreyImages, holds, image_place
 
+MARKERS = "densification/markers/nodes"
+"""uint8, the photographs on finer cells with black (accepted) and white (rejected) nodes"""
 BLACK, WHITE = 1, 255
 """accepted and rejected nodes; 0 is no picture"""
 _DARKEST, _LIGHTEST = 48, 207

@@ -13,20 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair
-from orthomill.schemas.job import Job, MapFile, Raster, Reading
-from orthomill.schemas.observations import GROUND_POINTS
-from orthomill.schemas.orientation import BLOCK
-from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
-from orthomill.tasks.densification.volume.guide_posts import file_guide, post_grid
+from orthomill.tasks.densification.volume.guide_posts import post_grid
 from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.guided.column_interval import ColumnInterval, GuidePosts, parallax_intervals
 from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange
 
-MODEL = "densification/model"
-"""(rows, cols, 4) float32 m at posts: height of the existing model, lowest and highest height near it, and whether it was known"""
-_POST, _CHUNK = 16, 256
+_POST, CHUNK = 16, 256
 """cells of the surface between posts, and posts along the side of a chunk"""
 _NEAREST = ColumnInterval(min_points=1, margin=0.0)
 """the nearest post alone says how far heights may lie: what a model does not have between its posts, tie points have told"""
@@ -42,30 +36,12 @@ class ModelArea:
 
 def model_area(pair: EpipolarPair, left: Window, surface: Surface) -> ModelArea:
     """The posts that the rays of the pixels `left` of the left image can meet."""
-    grid = _posts(surface)
+    grid = model_posts(surface)
     return ModelArea(grid, map_window(pair, left, grid, surface.height_low, surface.height_high, 2))
 
 
-def model_plan(guide: GuideFile, surface: Surface, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """The posts of an existing model, in one piece."""
-    grid = _posts(surface)
-    whole, axes = Window(0, 0, *grid.shape), ("model_y", "model_x")
-    yield map_raster(MODEL, grid, "float32", crs, _CHUNK, nodata=float("nan"), unit="m", bands=4, axes=axes)
-    reads: dict[str, Reading] = {"points": GROUND_POINTS, "block": BLOCK, "guide": MapFile(guide.path, crs, grid, whole)}
-    params = {"grid": grid, "path": guide.path, "surface": surface}
-    scratch = 100 * grid.rows * grid.cols
-    yield Job(
-        stage=stage,
-        item="model",
-        function=file_guide,
-        reads=reads,
-        writes={"posts": Raster(MODEL, whole)},
-        params=params,
-        scratch=scratch,
-    )
-
-
-def _posts(surface: Surface) -> MapGrid:
+def model_posts(surface: Surface) -> MapGrid:
+    """The posts of an existing model under a surface."""
     return post_grid(surface.grid, _POST * surface.grid.cell)
 
 

@@ -17,8 +17,8 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
 from orthomill.tasks.densification.guided.guided_matching import Guided, LevelsGuide, PixelPass
-from orthomill.tasks.densification.guided.guided_plan import guide_raster
-from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
+from orthomill.tasks.densification.plan.guided_jobs import guide_raster
+from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.matching.guided.band_correlation import BandCorrelation
@@ -148,7 +148,7 @@ def test_a_guide_saves_candidates_and_false_matches(seen, engine, blind):
 
 
 def test_any_tile_and_any_block_give_the_same_bits(seen, engine, monkeypatch):
-    from orthomill.tasks.densification.guided import guided_plan
+    from orthomill.tasks.densification.plan import guided_jobs as guided_plan
 
     monkeypatch.setattr(guided_plan, "SIDE", 128)
     small = run(seen, tile=64)

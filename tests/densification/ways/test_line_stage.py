@@ -15,12 +15,12 @@ from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import COUNT, HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE, Provenance
-from orthomill.tasks.densification.line_locus.locus_plan import LINE_NODES, LINE_OUTCOME, MARKERS
-from orthomill.tasks.densification.line_locus.node_markers import BLACK, WHITE
+from orthomill.tasks.densification.line_locus.node_markers import BLACK, MARKERS, WHITE
+from orthomill.tasks.densification.plan.line_jobs import LINE_NODES, LINE_OUTCOME
+from orthomill.tasks.densification.plan.volume_jobs import TERRAIN
 from orthomill.tasks.densification.stage import DensificationStage, VerticalLineLocus
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.terrain import terrain_grid
-from orthomill.tasks.densification.volume.volume_plan import TERRAIN
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.line_locus.thresholds import FixedThreshold
 

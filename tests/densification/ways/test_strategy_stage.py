@@ -15,9 +15,10 @@ from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
-from orthomill.tasks.densification.planning.pair_plan import nodes_raster, outcome_raster
+from orthomill.tasks.densification.plan.near_model_jobs import MODEL
+from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
 from orthomill.tasks.densification.stage import DensificationStage
-from orthomill.tasks.densification.strategies.near_model import MODEL, NearModel, model_area
+from orthomill.tasks.densification.strategies.near_model import NearModel, model_area
 from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.matching.guided.column_interval import GuidePosts
@@ -121,7 +122,7 @@ def test_a_wider_step_makes_fewer_nodes(seen):
 
 
 def test_blocks_give_what_the_whole_pair_gives(seen, monkeypatch):
-    from orthomill.tasks.densification.strategies import strategy_plan
+    from orthomill.tasks.densification.plan import strategy_jobs as strategy_plan
 
     whole = run(seen, WAYS["region_growing"]).rasters[nodes_raster("a-b")]
     monkeypatch.setattr(strategy_plan, "SIDE", 128)

@@ -17,7 +17,7 @@ from orthomill.schemas.surface import (
     Surface,
     points_table,
 )
-from orthomill.tasks.densification.planning.pair_plan import nodes_raster
+from orthomill.tasks.densification.plan.pair_jobs import nodes_raster
 from orthomill.tasks.densification.points import points_bytes
 from orthomill.tasks.densification.surface_tile import (
     PairPiece,

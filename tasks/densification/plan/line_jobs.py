@@ -19,9 +19,9 @@ from orthomill.tasks.densification.line_locus.locus_block import (
     sum_lines,
     terrain_window,
 )
-from orthomill.tasks.densification.line_locus.node_markers import marker_factor
+from orthomill.tasks.densification.line_locus.node_markers import MARKERS, marker_factor
+from orthomill.tasks.densification.plan.volume_jobs import GUIDE_REACH, TERRAIN, guided_terrain_plan
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
-from orthomill.tasks.densification.volume.volume_plan import GUIDE_REACH, TERRAIN, guided_terrain_plan
 
 LINE_NODES = "densification/lines/nodes"
 """(rows, cols, 4) float32: height m and its standard error m, NaN unless accepted; correlation, and its limit"""
@@ -29,8 +29,6 @@ LINE_PHOTOGRAPHS = "densification/lines/photographs"
 """uint8, photographs that were compared"""
 LINE_OUTCOME = "densification/lines/outcome"
 """uint8 `orthomill.schemas.outcome.Outcome`"""
-MARKERS = "densification/markers/nodes"
-"""uint8, the photographs on finer cells with black (accepted) and white (rejected) nodes"""
 LINES = Table("densification/lines.json", LineStatistics)
 
 

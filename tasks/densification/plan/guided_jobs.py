@@ -4,9 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
+from statistics import median
 from typing import Any
-
-import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
 from orthomill.schemas.job import Job, MapFile, Raster, Reading, Stream, Table
@@ -31,7 +30,7 @@ from orthomill.tasks.densification.guided.point_block import (
     match_guided_points,
     sum_guided,
 )
-from orthomill.tasks.densification.planning.pair_plan import block_writes, counts_job, node_specs
+from orthomill.tasks.densification.plan.pair_jobs import block_writes, counts_job, node_specs
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.volume.guide_heights import GuideFile
@@ -78,7 +77,7 @@ class GuidedPlan:
     @cached_property
     def pixel(self) -> float:
         """Ground pixel of the epipolar images, m: the median of the pairs."""
-        return float(np.median([ground_pixel(pair) for pair in self.pairs]))
+        return median(ground_pixel(pair) for pair in self.pairs)
 
     @cached_property
     def posts(self) -> MapGrid:
@@ -106,7 +105,7 @@ class GuidedPlan:
         guide, whole = self.settings.guide, Window(0, 0, *self.posts.shape)
         reads: dict[str, Reading] = {"block": BLOCK_TABLE}
         params: dict[str, Any] = {"grid": self.posts, "surface": self.surface}
-        function: Callable[..., np.ndarray] = no_guide if isinstance(guide, LevelsGuide) else tie_point_guide
+        function: Callable[..., Any] = no_guide if isinstance(guide, LevelsGuide) else tie_point_guide
         if not isinstance(guide, LevelsGuide):
             reads["points"] = GROUND_POINTS
         if isinstance(guide, GuideFile):

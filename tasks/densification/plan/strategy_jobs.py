@@ -7,8 +7,9 @@ from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
 from orthomill.schemas.job import Job, Raster, Reading
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.planning.pair_plan import block_writes, counts_job, node_specs
-from orthomill.tasks.densification.strategies.near_model import MODEL, model_area
+from orthomill.tasks.densification.plan.near_model_jobs import MODEL
+from orthomill.tasks.densification.plan.pair_jobs import block_writes, counts_job, node_specs
+from orthomill.tasks.densification.strategies.near_model import model_area
 from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock, match_by_strategy
 from orthomill.tasks.densification.volume.guide_heights import GuideFile

@@ -8,7 +8,7 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
-from orthomill.tasks.densification.volume.volume_plan import JUDGED_HEIGHT
+from orthomill.tasks.densification.plan.volume_jobs import JUDGED_HEIGHT
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
 from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
 

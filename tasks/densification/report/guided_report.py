@@ -7,7 +7,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.guided_matching import Guided
 from orthomill.tasks.densification.guided.point_block import GuidedStatistics
 from orthomill.tasks.densification.matching_block import MatchingStatistics
-from orthomill.tasks.densification.report import report
+from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
 

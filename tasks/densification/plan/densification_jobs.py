@@ -1,0 +1,145 @@
+"""The jobs of the stage by each of its methods: what is matched, the surface from it, and the report."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.epipolar import PAIRS, EpipolarPair
+from orthomill.schemas.job import Export, Job, Reading
+from orthomill.schemas.observations import GROUND_POINTS
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.surface import SURFACE, Surface
+from orthomill.tasks.densification.guided.guided_matching import Guided
+from orthomill.tasks.densification.line_locus.locus_block import LocusScene
+from orthomill.tasks.densification.line_locus.locus_surface import make_line_surface
+from orthomill.tasks.densification.plan.guided_jobs import GuidedPlan, level_table
+from orthomill.tasks.densification.plan.line_jobs import LINE_NODES, LINE_OUTCOME, LINE_PHOTOGRAPHS, LINES, locus_plan
+from orthomill.tasks.densification.plan.near_model_jobs import model_plan
+from orthomill.tasks.densification.plan.pair_jobs import matching_table, pair_plan
+from orthomill.tasks.densification.plan.strategy_jobs import strategy_plan
+from orthomill.tasks.densification.plan.surface_jobs import CELLS, SurfacePlan, SurfaceSource
+from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT, JUDGEMENT, volume_plan
+from orthomill.tasks.densification.report.densification_report import report
+from orthomill.tasks.densification.report.guided_report import guided_report
+from orthomill.tasks.densification.report.line_report import line_report
+from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, VerticalLineLocus
+from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
+from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
+from orthomill.tasks.densification.surface_grid import surface_of, window_cells
+from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
+from orthomill.tasks.densification.volume.guide_heights import GuideFile
+from orthomill.tasks.densification.volume.levels import VolumeScene
+
+_Plan = Iterator[RasterSpec | Job | Export]
+
+
+def densification_jobs(asked: DensificationStage, view: ProjectView) -> _Plan:
+    """The grid of the surface, then the jobs of the method that is asked for."""
+    cell = None if asked.cell == "auto" else asked.cell
+    reads: dict[str, Reading] = {"block": BLOCK, "pairs": PAIRS, "points": GROUND_POINTS}
+    yield Job(stage=asked.kind, item="grid", function=surface_of, reads=reads, writes={"surface": SURFACE}, params={"cell": cell})
+    surface = view.table(SURFACE)
+    if isinstance(asked.matching, VerticalLineLocus):
+        yield from _lines(asked, view, surface, asked.matching)
+    elif isinstance(asked.matching, Guided):
+        yield from _guided(asked, view, surface, asked.matching)
+    elif isinstance(asked.matching, PairStrategy):
+        yield from _pairs_alone(asked, view, surface, asked.matching)
+    else:
+        yield from _object_space(asked, view, surface, asked.matching)
+
+
+def surface_rules(asked: DensificationStage) -> SurfaceRules:
+    """The settings that a tile of the surface needs."""
+    return SurfaceRules(asked.gridding, asked.fusion, asked.completion, asked.spikes, asked.fill, asked.points)
+
+
+def _tiles(asked: DensificationStage, view: ProjectView) -> SurfacePlan:
+    return SurfacePlan(asked.kind, view.table(BLOCK).crs, view.project.tile, surface_rules(asked))
+
+
+def _object_space(asked: DensificationStage, view: ProjectView, surface: Surface, matching: ObjectSpace) -> _Plan:
+    """The volume, the pairs near it, and the surface from both."""
+    pairs = view.table(PAIRS).pairs
+    reach = None if matching.reach == "auto" else float(matching.reach)
+    scene = VolumeScene(view.table(BLOCK), view.table(PHOTOS), surface, matching.volume, matching.guide, reach)
+    yield from volume_plan(scene, matching.confidence, asked.kind, view.table(BLOCK).crs)
+    for pair in pairs:
+        yield from pair_plan(pair, surface, matching.pairs, asked.kind)
+    volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
+    source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, scene.levels[-1].step, matching.pairs.step)
+    yield from _tiles(asked, view).jobs(source, pairs)
+    yield _report_of_pairs(asked, pairs)
+
+
+def _pairs_alone(asked: DensificationStage, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:
+    """The pairs, each by a strategy of its own, and the surface from their nodes."""
+    pairs = view.table(PAIRS).pairs
+    if isinstance(matching.guide, GuideFile):
+        yield from model_plan(matching.guide, surface, asked.kind, view.table(BLOCK).crs)
+    for pair in pairs:
+        yield from strategy_plan(pair, matching, surface, asked.kind)
+    yield from _tiles(asked, view).jobs(_nodes_of_pairs(view, surface, matching.step, matching.window), pairs)
+    yield _report_of_pairs(asked, pairs)
+
+
+def _guided(asked: DensificationStage, view: ProjectView, surface: Surface, matching: Guided) -> _Plan:
+    """The levels of points, every pixel of the pairs, and the surface from these."""
+    pairs = view.table(PAIRS).pairs
+    yield from GuidedPlan(asked.kind, view.table(BLOCK).crs, surface, pairs, matching).jobs()
+    source = _nodes_of_pairs(view, surface, matching.pixels.step, matching.pixels.correlation.template)
+    yield from _tiles(asked, view).jobs(source, pairs)
+    reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
+    yield Job(
+        stage=asked.kind,
+        item="report",
+        function=guided_report,
+        reads=reads,
+        writes={"report": report_table(asked.kind)},
+        params={"settings": matching},
+    )
+
+
+def _lines(asked: DensificationStage, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
+    """Blocks of vertical lines, and the surface from them."""
+    scene = LocusScene(view.table(BLOCK), view.table(PHOTOS), surface, matching)
+    yield from locus_plan(scene, asked.kind, view.table(BLOCK).crs)
+    source = SurfaceSource(
+        function=make_line_surface,
+        rasters={"nodes": LINE_NODES, "photographs": LINE_PHOTOGRAPHS, "outcome": LINE_OUTCOME},
+        surface=surface,
+        ground=scene.block.ground_mean,
+        step=scene.metres_per_pixel,
+        node_step=1,
+        window_cells=scene.window_cells,
+        reads_nodes=False,
+    )
+    yield from _tiles(asked, view).jobs(source, view.table(PAIRS).pairs)
+    reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS}
+    yield Job(stage=asked.kind, item="report", function=line_report, reads=reads, writes={"report": report_table(asked.kind)})
+
+
+def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int) -> SurfaceSource:
+    """A surface from nothing but nodes, `step` px apart, that windows of `window` px measured."""
+    return SurfaceSource(
+        function=make_pair_surface,
+        rasters={},
+        surface=surface,
+        ground=view.table(BLOCK).ground_mean,
+        step=0.0,
+        node_step=step,
+        window_cells=window_cells(window, view.table(PAIRS).pairs, surface),
+    )
+
+
+def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...]) -> Job:
+    reads = _read_of_pairs(pairs)
+    return Job(stage=asked.kind, item="report", function=report, reads=reads, writes={"report": report_table(asked.kind)})
+
+
+def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:
+    """What the report of surfaces from pairs reads."""
+    statistics = tuple(matching_table(pair.name) for pair in pairs)
+    return {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS}

@@ -1,0 +1,1 @@
+"""What the stage `densification` tells of its surface."""
