@@ -2,8 +2,8 @@
 
 import pytest
 
-from orthomill.tasks.evaluation.codes_section import code_figures, code_grids
-from orthomill.tasks.evaluation.heights_section import before_check_section, heights_section
+from orthomill.tasks.evaluation.report.codes_section import code_figures, code_grids
+from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section
 from orthomill.tasks.evaluation.tile_sums import CodeMeasures, EdgeShares, HeightsSummary
 
 RELATIVE = (60.0, 90.0, 95.0, 96.0, 97.0, 98.0, 99.0)

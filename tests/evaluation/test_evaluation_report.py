@@ -5,12 +5,12 @@ import pytest
 
 from orthomill.tasks.evaluation.accuracy import SIGMAS
 from orthomill.tasks.evaluation.classes import GROUPS
-from orthomill.tasks.evaluation.heights_section import before_check_section, heights_section
-from orthomill.tasks.evaluation.orientation_section import orientation_section
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreyFit, OrthoCounts
-from orthomill.tasks.evaluation.orthoimage_section import orthoimage_section
-from orthomill.tasks.evaluation.report import EvaluationFacts, evaluation_report
-from orthomill.tasks.evaluation.report_section import ReportSection, share_of
+from orthomill.tasks.evaluation.report.evaluation_report import EvaluationFacts, evaluation_report
+from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section
+from orthomill.tasks.evaluation.report.orientation_section import orientation_section
+from orthomill.tasks.evaluation.report.orthoimage_section import orthoimage_section
+from orthomill.tasks.evaluation.report.report_section import ReportSection, share_of
 from orthomill.tasks.evaluation.tile_sums import GroupMeasures, HeightsSummary, OrientationSummary, OrthoSummary
 
 NUMBERS = {

@@ -11,11 +11,11 @@ from orthomill.schemas.truth import Material
 from orthomill.tasks.evaluation.accuracy import HeightSums, merged_histogram, merged_sums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
 from orthomill.tasks.evaluation.classes import PlaceClass, strata_of
-from orthomill.tasks.evaluation.codes_section import check_section
 from orthomill.tasks.evaluation.edges import edge_shares
 from orthomill.tasks.evaluation.grids import grid_of, placement, readable
 from orthomill.tasks.evaluation.orthoimage_accuracy import HALO, GreyFit, merged_counts, photos_that_reach
 from orthomill.tasks.evaluation.porous_crowns import crown_shares
+from orthomill.tasks.evaluation.report.codes_section import check_section
 from orthomill.tasks.evaluation.tile_sums import summarise_check
 from orthomill.tasks.evaluation.tiles import (
     HeightComparison,

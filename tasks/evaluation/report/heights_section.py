@@ -1,13 +1,12 @@
 """The heights in the report: accuracy by class of place, shares within n sigma, roofs, buildings and water."""
 
 from collections.abc import Iterator
-
-import numpy as np
+from statistics import median
 
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture
 from orthomill.tasks.evaluation.accuracy import BINS_PER_CELL, SIGMAS
-from orthomill.tasks.evaluation.codes_section import code_figures, code_grids
-from orthomill.tasks.evaluation.report_section import ReportSection
+from orthomill.tasks.evaluation.report.codes_section import code_figures, code_grids
+from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import LEAST_ROOF, GroupMeasures, HeightsSummary, rounded
 
 DH = "evaluation/dh"
@@ -155,19 +154,19 @@ def _roof_figure(prefix: str, roofs: GroupMeasures) -> Figure:
 
 def _building_figures(prefix: str, summary: HeightsSummary) -> Iterator[Figure]:
     # Building by building: on all roof cells together a few large halls would decide.
-    medians = np.abs([row[2] for row in summary.buildings])
+    medians = [abs(row[2]) for row in summary.buildings]
     yield Figure(
         name=f"{prefix}_buildings_judged", value=len(medians), sentence=f"Buildings with {LEAST_ROOF} measured roof cells or more."
     )
     yield Figure(
         name=f"{prefix}_buildings_median_error",
-        value=rounded(np.median(medians)),
+        value=rounded(median(medians)),
         unit="m",
         sentence="Median over the buildings of their absolute median difference.",
     )
     yield Figure(
         name=f"{prefix}_buildings_within_half_metre",
-        value=rounded(100 * (medians <= 0.5).mean(), 2),
+        value=rounded(100 * (sum(one <= 0.5 for one in medians) / len(medians)), 2),
         unit="%",
         sentence="Buildings whose median difference is 0.5 m or less.",
     )

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.stage_report import Chart, Figure, Grid
-from orthomill.tasks.evaluation.report_section import ReportSection
+from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import OrientationSummary
 
 _RATIO_LIMIT = 95.0

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.stage_report import Figure, Grid
 from orthomill.tasks.evaluation.accuracy import SIGMAS
-from orthomill.tasks.evaluation.report_section import ReportSection
+from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import CheckSummary, CodeMeasures, CrownShares, EdgeShares, HeightsSummary, rounded
 
 _PLACES = ("all", "open_ground", "roof", "building_margin", "tree", "water", "vehicle", "wire")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.stage_report import Chart, Figure, Picture
 from orthomill.schemas.surface import ORTHO
-from orthomill.tasks.evaluation.report_section import ReportSection, share_of
+from orthomill.tasks.evaluation.report.report_section import ReportSection, share_of
 from orthomill.tasks.evaluation.tile_sums import OrthoSummary, rounded
 
 ORTHO_DIFFERENCE = "evaluation/ortho_difference"

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from itertools import chain
 
 from orthomill.schemas.stage_report import Figure, StageReport
-from orthomill.tasks.evaluation.codes_section import check_section
-from orthomill.tasks.evaluation.heights_section import before_check_section, heights_section
-from orthomill.tasks.evaluation.orientation_section import orientation_section
-from orthomill.tasks.evaluation.orthoimage_section import orthoimage_section
-from orthomill.tasks.evaluation.report_section import ReportSection
+from orthomill.tasks.evaluation.report.codes_section import check_section
+from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section
+from orthomill.tasks.evaluation.report.orientation_section import orientation_section
+from orthomill.tasks.evaluation.report.orthoimage_section import orthoimage_section
+from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import CheckSummary, HeightsSummary, OrientationSummary, OrthoSummary
 
 

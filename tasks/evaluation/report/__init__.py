@@ -1,0 +1,1 @@
+"""What the stage `evaluation` tells of its comparisons."""
