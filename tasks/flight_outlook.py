@@ -5,10 +5,10 @@ from orthomill.schemas.errors import OrthomillError
 from orthomill.schemas.findings.flight_findings import ExpectedFlight, FirstLook
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PositionsFromExif
-from orthomill.tasks.calibration.known_cameras import from_exif
+from orthomill.tasks.calibration.report.known_cameras import from_exif
 from orthomill.tasks.orientation.planned.flight_sentences import expected_flight
-from orthomill.tasks.photos.first_look import first_look
 from orthomill.tasks.photos.index import Limits, index_photos
+from orthomill.tasks.photos.report.first_look import first_look
 
 
 def look_ahead(headers: tuple[Header, ...], crs: str | None) -> FirstLook:

@@ -24,8 +24,8 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, find_boards, pyramid
-from orthomill.tasks.calibration.reporting.advice import geometry, geometry_advice
-from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
+from orthomill.tasks.calibration.diagnosis.advice import geometry, geometry_advice
+from orthomill.tasks.calibration.report.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
 from orthomill.tasks.calibration.solving.lens_models import MODELS

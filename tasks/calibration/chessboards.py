@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.camera import LENSES, Camera, Cameras, LensKind
+from orthomill.schemas.camera import LENSES, Camera, LensKind
 from orthomill.schemas.errors import PhotoError
-from orthomill.schemas.photo import Header, Photos
-from orthomill.schemas.stage_report import StageReport
+from orthomill.schemas.photo import Header
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners
 from orthomill.tasks.calibration.board_tables import (
@@ -23,15 +22,7 @@ from orthomill.tasks.calibration.board_tables import (
     CornerResiduals,
     Corners,
     EstimatedBend,
-    PhotoSearch,
-    TextPage,
 )
-from orthomill.tasks.calibration.cameras.camera_assignment import cameras_for
-from orthomill.tasks.calibration.cameras.camera_exchange import FORMATS
-from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras, cameras_shared
-from orthomill.tasks.calibration.report import cameras_report
-from orthomill.tasks.calibration.reporting.board_report import chessboards_report
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.calibration_precision import bend_precision, board_precision, photo_precision
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
@@ -57,21 +48,6 @@ class CalibratedBoards(NamedTuple):
     constant: ConstantEstimate
     photos: np.ndarray
     checks: dict[LensModel, HeldOut | None]
-
-
-class CalibrationProducts(NamedTuple):
-    """What the calibration from chessboards writes: the cameras of the photographs, the report, the calibrated camera by itself,
-    the full record, the residuals of all corners, and the camera in the formats of other programs."""
-
-    cameras: Cameras
-    report: StageReport
-    camera: Camera
-    calibration: Calibration
-    residuals: CornerResiduals
-    opencv: TextPage
-    colmap: TextPage
-    opensfm: TextPage
-    agisoft: TextPage
 
 
 def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
@@ -130,49 +106,6 @@ def _with_completed(
     place = np.column_stack([merged.board, merged.corner, merged.photo])
     # np.unique returns the first of equal rows, and those of the first search come first.
     return merged.take(np.unique(place, axis=0, return_index=True)[1])
-
-
-def from_chessboards(
-    boards: BoardPhotos,
-    arranged: Arranged,
-    corners: tuple[Corners, ...],
-    completed: tuple[Corners, ...],
-    searches: tuple[PhotoSearch, ...],
-    target: CalibrationTarget,
-    model: Model,
-    photos: Photos | None = None,
-    serves: str = "*",
-) -> CalibrationProducts:
-    """Cameras, records and report of a calibration, whose camera took the photographs that match `serves`; without `photos` the
-    calibration is run alone.
-
-    Raises GeometryError when the boards do not determine the camera, PhotoError for photographs that do not fit it.
-    """
-    result, constant, used, checks = calibrate(arranged, corners, completed, target, model)
-    camera = camera_of(result, "chessboards", target.size)
-    names = [boards.names[photo] for photo in used]
-    results = CalibrationResults(
-        result=result, target=target, photos=names, constant=constant, checks=checks, searches=searches, arranged=arranged
-    )
-    cameras, report = _served(photos, serves, camera)
-    return CalibrationProducts(
-        cameras=cameras,
-        report=chessboards_report(report, results),
-        camera=camera,
-        calibration=calibration_record(result, camera, names, checks[LensModel(result.state.lens, result.network.free)], target),
-        residuals=residual_table(result, names, target),
-        **{name: TextPage(text=known.text(camera)) for name, known in FORMATS.items()},
-    )
-
-
-def _served(photos: Photos | None, serves: str, camera: Camera) -> tuple[Cameras, StageReport]:
-    """The cameras of the project's photographs and their report; of a calibration that is run alone, only the camera itself."""
-    if photos is None:
-        cameras = Cameras(cameras={camera.name: camera}, of_photo={})
-        return cameras, cameras_report(cameras, SharedCameras(Photos(photos=()), {camera.name: camera}))
-    shared = cameras_shared(photos, serves, lambda own: dict.fromkeys((photo.camera for photo in own.photos), camera))
-    cameras = cameras_for(shared.photos, shared.cameras)
-    return cameras, cameras_report(cameras, shared)
 
 
 def camera_of(result: BoardAdjustment, name: str, size: tuple[int, int]) -> Camera:

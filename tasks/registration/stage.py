@@ -3,15 +3,11 @@
 from collections.abc import Iterator
 from typing import ClassVar, Literal
 
-from orthomill.schemas.job import Export, Job, Reading, TextFile
-from orthomill.schemas.observations import REGISTERED_POINTS
+from orthomill.schemas.job import Export, Job
 from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
-from orthomill.schemas.stage_report import report_table
-from orthomill.tasks.registration.registered_scans import REGISTERED_SCANS, TARGET_RESIDUALS, register_scans
-from orthomill.tasks.registration.report import report
 
 
 class RegistrationStage(Stage):
@@ -36,25 +32,7 @@ class RegistrationStage(Stage):
     rejection: float = setting(4.0, "Targets with a larger standardised misfit are rejected.", "standard errors", ge=2.5)
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
-        reads: dict[str, Reading] = {"texts": tuple(map(TextFile, self.paths))}
-        # Optional, and then a parameter of the function with a default.
-        if self.points:
-            reads["surveyed"] = TextFile(self.points)
-        yield Job(
-            stage="registration",
-            item="scans",
-            function=register_scans,
-            reads=reads,
-            writes={"scans": REGISTERED_SCANS, "points": REGISTERED_POINTS, "residuals": TARGET_RESIDUALS},
-            params={"paths": self.paths, "sigma": self.sigma, "rejection": self.rejection},
-        )
-        yield Job(
-            stage="registration",
-            item="report",
-            function=report,
-            reads={"scans": REGISTERED_SCANS, "points": REGISTERED_POINTS, "residuals": TARGET_RESIDUALS},
-            writes={"report": report_table("registration")},
-        )
-        yield Export("registration", "scans_json", "products/scans.json", "json", tables=(REGISTERED_SCANS,))
-        yield Export("registration", "points_csv", "products/registered_points.csv", "csv", tables=(REGISTERED_POINTS,))
-        yield Export("registration", "residuals_csv", "products/scan_residuals.csv", "csv", tables=(TARGET_RESIDUALS,))
+        """One adjustment of all scans, and its products."""
+        from orthomill.tasks.registration.plan.registration_jobs import registration_jobs
+
+        return registration_jobs(self)

@@ -11,7 +11,8 @@ from orthomill.schemas.project import CameraFromChessboards, CameraFromExif, Cam
 from orthomill.schemas.raster import RasterSpec
 from orthomill.tasks.calibration.board_tables import ARRANGED, BOARD_PHOTOS, Arranged, ArrangedPhoto, BoardPhotos, Prediction
 from orthomill.tasks.calibration.chessboards import Model
-from orthomill.tasks.calibration.stage import CalibrationStage, _model
+from orthomill.tasks.calibration.plan.chessboard_jobs import _model
+from orthomill.tasks.calibration.stage import CalibrationStage
 
 BOARDS = BoardPhotos(paths=("boards/a.jpg", "boards/b.jpg"), size=(2400, 1600))
 SOURCE = {"kind": "chessboards", "photographs": {"kind": "simulated"}, "corners": (9, 6), "square": 0.05}

@@ -9,7 +9,7 @@ from orthomill.schemas.camera import BrownLens, Camera, Cameras
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.untagged_photographs import Substitute, UntaggedPhotos
-from orthomill.tasks.calibration.report import _with_sigma, cameras_report, untagged_sentence
+from orthomill.tasks.calibration.report.cameras_report import _with_sigma, cameras_report, untagged_sentence
 
 SIGMA = (0.5, 0.2, 0.3, 1e-4, 2e-5, 0.0, 1e-6, 2e-6)
 CAMERA = Camera(

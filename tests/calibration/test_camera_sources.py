@@ -15,7 +15,7 @@ from orthomill.schemas.project import CameraFromChessboards, CameraGiven
 from orthomill.tasks.calibration.cameras.camera_assignment import fitted
 from orthomill.tasks.calibration.cameras.nominal_cameras import cameras_from_file
 from orthomill.tasks.calibration.chessboards import index_board_photos
-from orthomill.tasks.calibration.known_cameras import as_given, from_exif, from_file
+from orthomill.tasks.calibration.report.known_cameras import as_given, from_exif, from_file
 from orthomill.tasks.calibration.stage import CalibrationStage
 from orthomill.tasks.geometry.camera_change import scaled, turned
 from orthomill.tasks.geometry.distortion import image_to_pixel

@@ -11,15 +11,8 @@ from orthomill.schemas.photo import Header, Photo, Photos
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration import chessboards
 from orthomill.tasks.calibration.board_tables import Prediction
-from orthomill.tasks.calibration.chessboards import (
-    CalibrationProducts,
-    Model,
-    calibration_record,
-    camera_of,
-    from_chessboards,
-    index_board_photos,
-    residual_table,
-)
+from orthomill.tasks.calibration.chessboards import Model, calibration_record, camera_of, index_board_photos, residual_table
+from orthomill.tasks.calibration.report.chessboard_calibration import CalibrationProducts, from_chessboards
 from orthomill.tasks.calibration.solving.lens_models import MODELS, with_affinity
 
 FIVE = Model(MODELS[0].free)

@@ -28,7 +28,8 @@ from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, 
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import choose_pairs
 
 GRID = MapGrid(west=1000.0, north=2000.0, cell=1.0, rows=128, cols=160)
 PAIRS = CheckedPairs(

@@ -18,7 +18,8 @@ from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
 from orthomill.tasks.dsm_check.coverage import best_cover, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile, node_raster, ortho_raster
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import choose_pairs
 
 
 @lru_cache

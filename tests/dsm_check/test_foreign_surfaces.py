@@ -21,7 +21,8 @@ from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface
 from orthomill.tasks.dsm_check.surfaces.placing import place, places
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
 from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import choose_pairs
 
 PAIRS = choose_pairs(block(), PairChoice(), 0.08)
 

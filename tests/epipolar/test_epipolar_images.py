@@ -15,7 +15,8 @@ from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.stage_contract import NotYet
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.geometry.normal_case import epipolar_shape
 from orthomill.tasks.imagery.resampling import sample_cubic

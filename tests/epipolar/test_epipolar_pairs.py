@@ -11,10 +11,11 @@ from tiny_block import block, photos, tie_points
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import JointCovariance
 from orthomill.tasks.epipolar import row_precision
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
-from orthomill.tasks.epipolar.report import report
+from orthomill.tasks.epipolar.report.epipolar_report import report
 from orthomill.tasks.epipolar.row_precision import common_points, row_change, row_sigma, row_sigmas
-from orthomill.tasks.epipolar.selection import Candidate, PairChoice, Places, best_pairs, choose_pairs, why_not
+from orthomill.tasks.epipolar.selection import Candidate, Places, best_pairs, choose_pairs, why_not
 from orthomill.tasks.geometry.normal_case import epipolar_view
 from orthomill.tasks.geometry.view import view_of
 

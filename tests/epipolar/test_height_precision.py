@@ -6,8 +6,9 @@ from tiny_block import FLYING, block
 
 from orthomill.schemas.orientation import Block, JointCovariance
 from orthomill.tasks.epipolar.height_precision import height_sigmas
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.row_precision import border_points, joint_covariance
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.geometry.normal_case import intersect_pair
 from orthomill.tasks.geometry.view import block_view

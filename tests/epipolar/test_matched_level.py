@@ -8,10 +8,12 @@ from tiny_block import block, camera, photograph, photos, tie_points
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, resample_tile
+from orthomill.tasks.epipolar.measured_pairs import measured_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import ROWS_AGREE, matched_level, with_measured_rows
-from orthomill.tasks.epipolar.report import report
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
-from orthomill.tasks.epipolar.stage import EpipolarStage, measured_pairs
+from orthomill.tasks.epipolar.report.epipolar_report import report
+from orthomill.tasks.epipolar.selection import choose_pairs
+from orthomill.tasks.epipolar.stage import EpipolarStage
 from orthomill.tasks.geometry.normal_case import epipolar_shape
 from orthomill.tasks.imagery.pyramid import halved_window, level_shape, level_to_full, source_window
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.epipolar.selection import Candidate, PairChoice, Places, best_pairs, neighbours, why_not
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import Candidate, Places, best_pairs, neighbours, why_not
 
 FLYING, SIDE = 100.0, 140.0
 """m: height above ground, and side of the square that a photograph shows"""

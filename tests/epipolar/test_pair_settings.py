@@ -14,9 +14,9 @@ from orthomill.schemas.observations import IMAGE_RESIDUALS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import RasterSpec
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.selection import (
     Candidate,
-    PairChoice,
     Places,
     best_pairs,
     candidates,

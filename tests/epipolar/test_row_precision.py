@@ -5,8 +5,9 @@ import pytest
 from orienting import orient
 from simulated_block import DRONE, one_strip, two_strips
 
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.row_precision import border_points, row_sigmas
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.geometry.normal_case import epipolar_view
 from orthomill.tasks.geometry.view import view_of
 

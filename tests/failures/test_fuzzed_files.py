@@ -19,7 +19,7 @@ from orthomill.schemas.errors import OrthomillError, PhotoError, WorkflowError
 from orthomill.schemas.photo import Header, Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList, PositionsFromExif, PositionsFromFile
 from orthomill.schemas.raster import Window
-from orthomill.tasks.calibration.known_cameras import from_file
+from orthomill.tasks.calibration.report.known_cameras import from_file
 from orthomill.tasks.orientation.control.control_files import read_control
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 from orthomill.tasks.photos.index import Limits, index_photos

@@ -6,8 +6,9 @@ from orienting import orient
 from simulated_block import one_strip, two_strips
 
 from orthomill.tasks.densification.ground_intersection import orientation_sigma
+from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.row_precision import border_points
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.geometry.normal_case import epipolar_view, intersect_pair
 from orthomill.tasks.geometry.view import block_view
 

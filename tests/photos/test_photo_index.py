@@ -9,7 +9,7 @@ from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.index import Limits, index_photos, photo_from_header
 from orthomill.tasks.photos.position_files.position_reading import read_positions
-from orthomill.tasks.photos.report import remark_sentence
+from orthomill.tasks.photos.report.photos_report import remark_sentence
 
 DRONE = {
     "Make": "DJI",

@@ -118,7 +118,7 @@ def test_a_photograph_that_is_decoded_in_order_is_read_in_strips_that_memory_all
     exif[0x0112] = orientation
     Image.fromarray(_picture(600, 300)).save(tmp_path / "in" / "one.jpg", exif=exif)
     whole = _run(tmp_path)
-    monkeypatch.setattr("orthomill.tasks.photos.stage.AT_ONCE", 300 * 3 * 300)
+    monkeypatch.setattr("orthomill.tasks.photos.plan.photo_jobs.AT_ONCE", 300 * 3 * 300)
     cut = _run(tmp_path, project="cut")
     strips = [sum(key[1] == "one strip" for key in session.graph.jobs) for session in (whole, cut)]
     assert strips == [1, 3], "600 rows of the file, at most 300 at a time, in whole tiles of 128"

@@ -4,7 +4,7 @@ import pytest
 
 from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos
 from orthomill.tasks.photos.pixels import Exposure
-from orthomill.tasks.photos.report import photos_report
+from orthomill.tasks.photos.report.photos_report import photos_report
 from orthomill.tasks.photos.scans import Scan, Scans
 
 

@@ -14,9 +14,10 @@ from orthomill.schemas.project import Project
 from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.photos.fiducials import fit_marks
-from orthomill.tasks.photos.report import photos_report
+from orthomill.tasks.photos.plan.photo_jobs import SCANS
+from orthomill.tasks.photos.report.photos_report import photos_report
 from orthomill.tasks.photos.scans import Scans, in_mark_frame, in_principal_frame, scan_window, to_file
-from orthomill.tasks.photos.stage import SCANS, PhotosStage
+from orthomill.tasks.photos.stage import PhotosStage
 
 MARKS = {"1": (-9.0, 7.0), "2": (9.0, 7.0), "3": (9.0, -7.0), "4": (-9.0, -7.0)}
 PIXEL = 50.0

@@ -16,7 +16,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.control.control_system import control_from_scans
 from orthomill.tasks.orientation.stage import OrientationStage
 from orthomill.tasks.registration.registered_scans import register_scans
-from orthomill.tasks.registration.report import report
+from orthomill.tasks.registration.report.registration_report import report
 from orthomill.tasks.registration.stage import RegistrationStage
 
 

@@ -4,9 +4,9 @@ import pytest
 
 from orthomill.schemas.photo import Header, Photo, Photos
 from orthomill.schemas.project import CameraFromChessboards, ControlFromGcpList, PhotoFolder, PositionsFromExif
+from orthomill.tasks.calibration.plan.chessboard_jobs import _target
 from orthomill.tasks.calibration.solving import solving
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget, with_uncertain_boards
-from orthomill.tasks.calibration.stage import _target
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 from orthomill.tasks.photos.index import Limits, index_photos
 

@@ -13,13 +13,13 @@ from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.stage_contract import NotYet
 from orthomill.tasks.tie_points.appearance import alike, sample, signature, vocabulary
+from orthomill.tasks.tie_points.block_strength import distribution_index, measure, shared_points
 from orthomill.tasks.tie_points.descriptor_search import mutual_matches
 from orthomill.tasks.tie_points.match_records import Features, Observations, PairMatches, PairSummary, Refined, Scatter, Values
 from orthomill.tasks.tie_points.matched_features import keep_matched
 from orthomill.tasks.tie_points.pair_matching import without_parallax
 from orthomill.tasks.tie_points.pair_selection import Neighbourhood, candidate_pairs, needs_appearance, viewed_ground
 from orthomill.tasks.tie_points.refinement import start_affine
-from orthomill.tasks.tie_points.report import distribution_index, measure, shared_points
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting, assemble, with_measured_floor
 from orthomill.tasks.tie_points.tracks import build_tracks, observation_key, track_scratch

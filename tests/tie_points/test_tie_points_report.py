@@ -6,8 +6,9 @@ import pytest
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photo, Photos
+from orthomill.tasks.tie_points.block_strength import measure
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatter, Scatters
-from orthomill.tasks.tie_points.report import finish, measure
+from orthomill.tasks.tie_points.report.tie_point_report import finish
 from orthomill.tasks.tie_points.tie_point_assembly import Weighting
 
 SIZE = (900, 900)

@@ -15,7 +15,8 @@ from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, cor
 from orthomill.tasks.tie_points.features import tile_features
 from orthomill.tasks.tie_points.match_records import Links, MatchCounts
 from orthomill.tasks.tie_points.pair_matching import match_pair
-from orthomill.tasks.tie_points.stage import CANDIDATES, LINKS, MATCH_COUNTS, FeatureSearch, TiePointsStage
+from orthomill.tasks.tie_points.plan.tie_point_tables import CANDIDATES, LINKS, MATCH_COUNTS
+from orthomill.tasks.tie_points.stage import FeatureSearch, TiePointsStage
 
 
 def photos(count: int, **changes) -> Photos:

@@ -9,7 +9,7 @@ from bent_boards import bent_photographs
 from board_corners import EASY, corners_of, easy_calibration
 
 from orthomill.tasks.calibration.board_tables import PhotoSearch
-from orthomill.tasks.calibration.reporting.advice import (
+from orthomill.tasks.calibration.diagnosis.advice import (
     CELLS,
     Advice,
     PhotoGeometry,
@@ -20,7 +20,7 @@ from orthomill.tasks.calibration.reporting.advice import (
     result_advice,
     search_advice,
 )
-from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
+from orthomill.tasks.calibration.report.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.lens_models import MODELS
 from orthomill.tasks.calibration.solving.model_choice import HeldOut, held_out

@@ -8,13 +8,13 @@ from board_corners import easy_arrangement, easy_calibration, easy_tables, every
 
 from orthomill.schemas.stage_report import Figure, Grid, StageReport
 from orthomill.tasks.calibration.board_tables import CornerResiduals
-from orthomill.tasks.calibration.reporting.advice import CELLS, geometry
-from orthomill.tasks.calibration.reporting.board_charts import balance, board_charts
-from orthomill.tasks.calibration.reporting.board_figures import board_figures, rounded
-from orthomill.tasks.calibration.reporting.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
-from orthomill.tasks.calibration.reporting.board_report import _pictures, chessboards_report
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.reporting.drawing import draw_boards, usual_length
+from orthomill.tasks.calibration.diagnosis.advice import CELLS, geometry
+from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.diagnosis.drawing import draw_boards, usual_length
+from orthomill.tasks.calibration.report.board_charts import balance, board_charts
+from orthomill.tasks.calibration.report.board_figures import board_figures, rounded
+from orthomill.tasks.calibration.report.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
+from orthomill.tasks.calibration.report.board_report import _pictures, chessboards_report
 from orthomill.tasks.calibration.solving.lens_models import MODELS
 from orthomill.tasks.calibration.solving.model_choice import held_out
 

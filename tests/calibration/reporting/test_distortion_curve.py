@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.calibration.reporting.distortion_curve import balanced, balancing_change, displacement
+from orthomill.tasks.calibration.diagnosis.distortion_curve import balanced, balancing_change, displacement
 
 
 @pytest.mark.parametrize(

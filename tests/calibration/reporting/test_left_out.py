@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, PhotoSearch, Prediction
-from orthomill.tasks.calibration.reporting.left_out import LeftOut, LeftOutReason, left_out, unused, what_is_left_out
+from orthomill.tasks.calibration.diagnosis.left_out import LeftOut, LeftOutReason, left_out
+from orthomill.tasks.calibration.report.left_out_words import unused, what_is_left_out
 
 
 def results(search: dict, photo: dict, used: tuple[int, ...] | None = (0,), predicted: tuple[int, ...] = ()):

@@ -9,8 +9,8 @@ from board_corners import easy_calibration
 
 from orthomill.schemas.camera import LENSES, Camera, FisheyeLens
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
-from orthomill.tasks.calibration.reporting.advice import Weakness
-from orthomill.tasks.calibration.reporting.model_failure import fails, failure_advice
+from orthomill.tasks.calibration.diagnosis.advice import Weakness
+from orthomill.tasks.calibration.diagnosis.model_failure import fails, failure_advice
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, LensModel, in_model, model_of, with_affinity
 from orthomill.tasks.calibration.solving.model_choice import HeldOut, Judged, choice, compare

@@ -18,7 +18,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.survey_system import transform_surveyed
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.position_files.attitude_conventions import from_yaw_pitch_roll
-from orthomill.tasks.photos.position_sentences import assumptions, heights_sentence, read_sentence, what_was_read
+from orthomill.tasks.photos.report.position_sentences import assumptions, heights_sentence, read_sentence, what_was_read
 
 UTM = "EPSG:32632"
 # Strips of unequal bases, so that a shift by one exposure is none of them.

@@ -9,9 +9,9 @@ from orthomill.pipeline.storage.image_files import read_header
 from orthomill.schemas.photo import Header, PhotoRemarkCode, Photos
 from orthomill.schemas.project import PositionsFromExif
 from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_from_exif
-from orthomill.tasks.photos.first_look import first_look
 from orthomill.tasks.photos.index import Limits, index_photos
-from orthomill.tasks.photos.report import header_warnings, remark_sentence
+from orthomill.tasks.photos.report.first_look import first_look
+from orthomill.tasks.photos.report.photos_report import header_warnings, remark_sentence
 
 SHARED = Path(__file__).parents[4] / "shared"
 YARD = SHARED / "data" / "rtk_yard"

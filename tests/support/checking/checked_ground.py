@@ -9,7 +9,8 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import HEIGHT, PROVENANCE, SURFACE, Provenance, Surface
-from orthomill.tasks.epipolar.selection import PairChoice, choose_pairs
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.selection import choose_pairs
 
 GRID = MapGrid(west=EAST - 120, north=NORTH + 96, cell=0.6, rows=320, cols=400)
 ESTIMATED = slice(130, 160), slice(190, 230)

@@ -1,11 +1,11 @@
 """The figures of a calibration from chessboards; their names are stable, and `summary.json` holds them."""
 
-import numpy as np
+from math import isfinite
 
 from orthomill.schemas.stage_report import Figure
-from orthomill.tasks.calibration.reporting.advice import PhotoGeometry
-from orthomill.tasks.calibration.reporting.board_charts import balance
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.diagnosis.advice import PhotoGeometry
+from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.diagnosis.chart_points import balance
 from orthomill.tasks.calibration.solving.calibration_precision import largest_bend
 
 
@@ -16,7 +16,7 @@ def board_figures(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Fi
 
 def rounded(value: float | None, digits: int = 6) -> float | None:
     """The value with so many significant digits; None for what is not known."""
-    return None if value is None or not np.isfinite(value) else float(f"{value:.{digits}g}")
+    return None if value is None or not isfinite(value) else float(f"{value:.{digits}g}")
 
 
 def _px(name: str, value: float | None, sentence: str, headline: bool = False) -> Figure:

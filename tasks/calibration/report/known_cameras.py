@@ -10,7 +10,7 @@ from orthomill.tasks.calibration.cameras.camera_assignment import cameras_for
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras, cameras_shared
 from orthomill.tasks.calibration.cameras.nominal_cameras import camera_given, cameras_from_file
 from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_from_exif
-from orthomill.tasks.calibration.report import cameras_report
+from orthomill.tasks.calibration.report.cameras_report import cameras_report
 
 
 class KnownCameras(NamedTuple):

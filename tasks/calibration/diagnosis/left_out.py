@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
-from orthomill.schemas.stage_report import Grid
 from orthomill.tasks.calibration.board_tables import ArrangedPhoto, PhotoSearch
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 
@@ -36,12 +35,6 @@ class LeftOut:
     count: int = 0
     board: int | None = None
     corners: tuple[int, int] = (0, 0)
-
-
-def unused(results: CalibrationResults) -> tuple[Grid, ...]:
-    """The table of what is not used; none when everything is."""
-    rows = tuple((one.photo, what_is_left_out(one), one.reason.format(*one.corners)) for one in left_out(results))
-    return (Grid(title="Not used", columns=("photo", "what", "reason"), rows=rows),) if rows else ()
 
 
 def left_out(results: CalibrationResults) -> list[LeftOut]:
@@ -83,20 +76,3 @@ def _rejected(search: PhotoSearch, target: CalibrationTarget) -> Iterator[LeftOu
         yield LeftOut(search.photo, LeftOutReason.LARGER, search.larger, corners=target.corners)
     for corners, times in Counter(search.other).items():
         yield LeftOut(search.photo, LeftOutReason.OTHER_SIZE, times, corners=corners)
-
-
-_NOUNS = {
-    LeftOutReason.NO_BOARD: "photograph",
-    LeftOutReason.PHOTO_MISFIT: "photograph",
-    LeftOutReason.SINGLE_BOARD: "other boards",
-    LeftOutReason.UNNUMBERED: "cut board",
-    LeftOutReason.NOT_ALTERNATING: "find",
-}
-
-
-def what_is_left_out(one: LeftOut) -> str:
-    """The subject of a reason: a photograph, boards by their count, or a board by its number."""
-    noun = _NOUNS.get(one.reason, "board")
-    if one.board is not None:
-        return f"{noun} {one.board + 1}"
-    return f"{one.count} {noun}" + ("" if one.count == 1 else "s") if one.count else noun

@@ -12,7 +12,7 @@ from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode, Photos
 from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
 from orthomill.tasks.photos.index import Limits, index_photos
-from orthomill.tasks.photos.report import remark_sentence
+from orthomill.tasks.photos.report.photos_report import remark_sentence
 from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
 
 _FIX = {

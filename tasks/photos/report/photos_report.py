@@ -3,13 +3,12 @@
 from collections import Counter
 from collections.abc import Iterator
 
-import numpy as np
-
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.photo import Photo, PhotoRemark, PhotoRemarkCode, Photos, photo_raster
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, StageReport, Topic, Verdict
+from orthomill.tasks.photos.bases import median_base
 from orthomill.tasks.photos.pixels import Exposure
-from orthomill.tasks.photos.position_sentences import assumptions
+from orthomill.tasks.photos.report.position_sentences import assumptions, what_was_read
 from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
 from orthomill.tasks.photos.scans import Scans
 from orthomill.tasks.photos.sorting.set_aside import SET_ASIDE, set_aside_sentence
@@ -95,6 +94,12 @@ def photos_report(
         losses=tuple(_exposure_warnings(exposures)),
         doubts=tuple(remark_sentence(remark) for remark in photos.remarks if remark.code in _GRAVE),
     )
+
+
+def photo_remarks(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
+    """What is noticed about files, positions and cameras before anything runs."""
+    yield from what_was_read(photos)
+    yield from header_warnings(photos, positions_kind, cameras_kind)
 
 
 def _cameras(photos: Photos) -> str:
@@ -209,7 +214,7 @@ def _scan_warnings(scans: Scans) -> Iterator[str]:
 def _figures(photos: Photos) -> tuple[Figure, ...]:
     megapixels = sum(photo.width * photo.height for photo in photos.photos) / 1e6
     placed = sum(photo.position is not None for photo in photos.photos)
-    base = _median_base(photos)
+    base = median_base(photos)
     return (
         Figure(name="photographs", value=len(photos.photos), sentence="Photographs read.", headline=True),
         Figure(name="megapixels", value=round(megapixels, 1), unit="megapixels", sentence="Total number of pixels."),
@@ -221,15 +226,6 @@ def _figures(photos: Photos) -> tuple[Figure, ...]:
         Figure(name="with_position", value=placed, sentence="Photographs whose projection centre is known before the adjustment."),
         Figure(name="nearest_distance", value=base, unit="m", sentence="Median distance between nearest projection centres."),
     )
-
-
-def _median_base(photos: Photos) -> float | None:
-    centres = np.array([photo.position for photo in photos.photos if photo.position is not None])
-    if len(centres) < 2:
-        return None
-    # The smallest distance is that of a centre to itself.
-    nearest = [np.sort(np.linalg.norm(centres - centre, axis=1))[1] for centre in centres]
-    return round(float(np.median(nearest)), 2)
 
 
 def _photo_grid(photos: Photos, exposures: tuple[Exposure, ...]) -> Grid:

@@ -7,7 +7,7 @@ rejects the corners where it fails, mostly the outermost, and its residuals and 
 import numpy as np
 
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
-from orthomill.tasks.calibration.reporting.advice import Advice, Weakness
+from orthomill.tasks.calibration.diagnosis.advice import Advice, Weakness
 from orthomill.tasks.calibration.solving.model_choice import HeldOut
 
 _OUTER = 0.8

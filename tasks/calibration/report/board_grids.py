@@ -1,13 +1,12 @@
 """The tables of a calibration from chessboards: parameters, models, exterior orientations, boards and photographs."""
 
-import numpy as np
-
 from orthomill.schemas.stage_report import Grid
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
-from orthomill.tasks.calibration.report import LENS_NAMES
-from orthomill.tasks.calibration.reporting.board_figures import rounded
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.solving.calibration_precision import bend_precision, board_precision, photo_precision
+from orthomill.tasks.calibration.diagnosis.board_rows import board_row, median_residual, parameter_sigma, photo_residuals, photo_row
+from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.report.board_figures import rounded
+from orthomill.tasks.calibration.report.cameras_report import LENS_NAMES
+from orthomill.tasks.calibration.solving.calibration_precision import bend_precision
 from orthomill.tasks.calibration.solving.model_choice import HeldOut
 
 _POWER = {"k1": 2, "k2": 4, "k3": 6, "p1": 1, "p2": 1, "k4": 2, "k5": 4, "k6": 6, "s1": 1, "s2": 3, "s3": 1, "s4": 3}
@@ -33,7 +32,7 @@ def _parameter_row(results: CalibrationResults, number: int, name: str) -> Row:
     per = result.state.interior[0] ** power
     unit = "px" if name in ("c", "x0", "y0") else f"px^-{power}" if power else ""
     halves = rounded(check.difference[number] / per, 3) if check else None
-    sigma = np.sqrt(result.interior_covariance[number, number])
+    sigma = parameter_sigma(result, number)
     return name, rounded(result.state.interior[number] / per, 7), rounded(sigma / per, 3), halves, unit
 
 
@@ -69,13 +68,13 @@ def exterior_grid(results: CalibrationResults) -> Grid:
 
 def _exterior_row(results: CalibrationResults, photo: int, name: str) -> Row:
     # One standard error for three coordinates: three columns more would hide the figures that matter.
-    value, sigma = photo_precision(results.result, photo)
+    row = photo_row(results.result, photo)
     return (
         name,
-        *(round(float(v), 4) for v in value[:3]),
-        *(round(float(v), 3) for v in np.degrees(value[3:])),
-        rounded(sigma[:3].max(), 2),
-        rounded(np.degrees(sigma[3:]).max(), 2),
+        *(round(v, 4) for v in row.place),
+        *(round(v, 3) for v in row.angles),
+        rounded(row.place_sigma, 2),
+        rounded(row.angle_sigma, 2),
     )
 
 
@@ -93,16 +92,14 @@ def board_grid(results: CalibrationResults) -> Grid:
 
 def _board_row(results: CalibrationResults, board: int) -> Row:
     result = results.result
-    value, sigma = board_precision(result, board)
-    # Rejected corners count: they are what shows a warped board.
-    size = np.linalg.norm(result.residual[result.corners.board == board], axis=1)
+    row = board_row(result, board)
     return (
         board + 1,
-        *(round(float(v), 5) for v in value[:3]),
-        *(round(float(v), 3) for v in np.degrees(value[3:])),
-        rounded(sigma[:3].max(), 2),
+        *(round(v, 5) for v in row.place),
+        *(round(v, 3) for v in row.angles),
+        rounded(row.place_sigma, 2),
         ", ".join(f"{1e3 * bend:.2f} +- {1e3 * own:.2f}" for bend, own in zip(*bend_precision(result, board), strict=True)),
-        rounded(float(np.median(size)), 3),
+        rounded(median_residual(result, board), 3),
     )
 
 
@@ -118,17 +115,15 @@ def photo_grid(results: CalibrationResults) -> Grid:
 
 def _photo_row(results: CalibrationResults, photo: int, name: str) -> Row:
     result, constant = results.result, results.constant
-    own = result.corners.photo == photo
-    # Corners used only, as in sigma0; the rejected ones have a column of their own.
-    size = np.linalg.norm(result.residual[own & result.used], axis=1)
+    row = photo_residuals(result, photo)
     search = next(search for search in results.searches if search.photo == name)
     return (
         name,
-        len(np.unique(result.corners.board[own])),
-        int(own.sum()),
-        int((own & ~result.used).sum()),
-        rounded(float(np.sqrt((size**2).mean())), 3) if len(size) else None,
-        rounded(size.max(initial=0.0), 3),
+        row.boards,
+        row.corners,
+        row.rejected,
+        rounded(row.rms, 3),
+        rounded(row.largest, 3),
         rounded(search.blur, 2),
         rounded(constant.c1[photo], 5),
         rounded(constant.c2[photo], 5),

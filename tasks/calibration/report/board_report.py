@@ -1,18 +1,16 @@
 """The report of a calibration from chessboards, added to that of its camera."""
 
-import numpy as np
-
 from orthomill.schemas.stage_report import Picture, Product, StageReport, Verdict
 from orthomill.tasks.calibration.board_tables import drawing_raster
-from orthomill.tasks.calibration.reporting.advice import Advice, geometry, geometry_advice, result_advice, search_advice
-from orthomill.tasks.calibration.reporting.advice_sentences import advice_sentence
-from orthomill.tasks.calibration.reporting.board_charts import board_charts
-from orthomill.tasks.calibration.reporting.board_figures import board_figures
-from orthomill.tasks.calibration.reporting.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
-from orthomill.tasks.calibration.reporting.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.reporting.drawing import RESIDUAL_LENGTH, usual_length
-from orthomill.tasks.calibration.reporting.left_out import unused
-from orthomill.tasks.calibration.reporting.model_failure import fails, failure_advice
+from orthomill.tasks.calibration.diagnosis.advice import Advice, geometry, geometry_advice, result_advice, search_advice
+from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
+from orthomill.tasks.calibration.diagnosis.drawing import RESIDUAL_LENGTH, spread, usual_length
+from orthomill.tasks.calibration.diagnosis.model_failure import fails, failure_advice
+from orthomill.tasks.calibration.report.advice_sentences import advice_sentence
+from orthomill.tasks.calibration.report.board_charts import board_charts
+from orthomill.tasks.calibration.report.board_figures import board_figures
+from orthomill.tasks.calibration.report.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
+from orthomill.tasks.calibration.report.left_out_words import unused
 
 PRODUCTS = (
     Product(path="products/camera.json", purpose="The calibrated camera, to be used in other projects"),
@@ -62,7 +60,6 @@ def _verdict(plain: Verdict | None, advice: list[Advice]) -> Verdict | None:
 def _pictures(results: CalibrationResults) -> tuple[Picture, ...]:
     """At most _MOST_PICTURES drawings, evenly over the series."""
     photos = results.photos
-    chosen = np.unique(np.linspace(0, len(photos) - 1, min(len(photos), _MOST_PICTURES)).round().astype(int))
     usual = usual_length(results.result.residual[results.result.used])
     caption = (
         "Corners by board with its number, origin and axes; the black lines are the residuals, of which "
@@ -70,5 +67,5 @@ def _pictures(results: CalibrationResults) -> tuple[Picture, ...]:
     )
     return tuple(
         Picture(title=f"Boards in {photos[photo]}", raster=drawing_raster(photos[photo]), style="rgb", caption=caption)
-        for photo in chosen
+        for photo in spread(len(photos), _MOST_PICTURES)
     )

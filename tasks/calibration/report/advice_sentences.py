@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from orthomill.schemas.errors import some_of
-from orthomill.tasks.calibration.reporting.advice import CELLS, Advice, Weakness
+from orthomill.tasks.calibration.diagnosis.advice import CELLS, Advice, Weakness
 
 
 def advice_sentence(advice: Advice) -> str:

@@ -1,50 +1,22 @@
 """The stage's last step: assembles the tie points and reports how well they connect the block."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple
-
-import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.observations import TiePointCounts, TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
-from orthomill.tasks.imagery.photograph_rows import rows_of_photos
+from orthomill.tasks.tie_points.block_strength import FRAME_CELLS, WEAK, Strength, measure
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatters
 from orthomill.tasks.tie_points.repeated_photographs import repeated_photographs
 from orthomill.tasks.tie_points.tie_point_assembly import RefinementSummary, Weighting, assemble, with_measured_floor
 
-_CELLS = 8
-# Von Gruber's nine areas along 3 x 3: a relative orientation needs points in six of them at least.
-_GRUBER = 3
-# Tie points below which a photograph or a pair is poorly connected: five parameters of a relative orientation leave a redundancy
-# of 25, enough to find the gross errors that automatic matching contains.
-_WEAK = 30
 _LEAST_COVERAGE = 0.25  # of the frame; with less, distortion and attitude are extrapolated over most of it
 _MOST_PAIRS = 200  # rows of the table of pairs, those with most matches
 _MOST_PARTS = 5  # parts of a divided block that are listed
-
-
-@dataclass(frozen=True)
-class Strength:
-    """Connections of each photograph (arrays by photograph number) and of the block."""
-
-    observations: np.ndarray
-    partners: np.ndarray
-    """photographs that share `_WEAK` tie points or more"""
-    coverage: np.ndarray
-    """share of the frame's cells that hold a tie point"""
-    block: np.ndarray
-    """number of the connected part of the block; -1 for photographs without tie points"""
-    rays: np.ndarray
-    """photographs per tie point (by tie point)"""
-    evenness: np.ndarray
-    """distribution index: 1 when the nine von Gruber areas of the frame hold equally many tie points, 0 when one holds all"""
 
 
 class TiePointResults(NamedTuple):
@@ -87,48 +59,6 @@ def finish(
     return TiePointResults(points, counts, report)
 
 
-def measure(points: TiePoints, photos: Photos) -> Strength:
-    """How strongly each photograph is connected with the others."""
-    count = len(photos.photos)
-    shared = shared_points(points, count)
-    observations = np.bincount(points.photo, minlength=count)
-    # Parts are separated more leniently than partners are counted: a warning about a divided block should be beyond doubt.
-    _, block = connected_components(coo_array(shared >= _WEAK // 2), directed=False)
-    frame = np.array([(photo.width, photo.height) for photo in photos.photos])
-    cell = np.clip(np.column_stack([points.col, points.row]) / frame[points.photo] * _CELLS, 0, _CELLS - 1).astype(int)
-    rows = rows_of_photos(points.photo, count)
-    filled = np.unique(np.column_stack([points.photo, cell]), axis=0)[:, 0]
-    return Strength(
-        observations=observations,
-        partners=(shared >= _WEAK).sum(axis=1),
-        coverage=np.bincount(filled, minlength=count) / _CELLS**2,
-        block=np.where(observations > 0, block, -1),
-        rays=np.bincount(points.track),
-        evenness=np.array([distribution_index(points.take(own), size) for own, size in zip(rows, frame, strict=True)]),
-    )
-
-
-def distribution_index(own: TiePoints, size: np.ndarray) -> float:
-    """How evenly the points of one photograph of `size` (width, height) fill its von Gruber areas: the entropy of their shares in
-    units of that of equal shares, 0 to 1."""
-    if not len(own):
-        return 0.0
-    area = np.clip(np.column_stack([own.col, own.row]) / size * _GRUBER, 0, _GRUBER - 1).astype(int)
-    count = np.bincount(area[:, 1] * _GRUBER + area[:, 0], minlength=_GRUBER**2)
-    share = count[count > 0] / len(own)
-    return float(-(share * np.log(share)).sum() / np.log(_GRUBER**2)) + 0.0  # turns -0.0, all points in one area, into 0.0
-
-
-def shared_points(points: TiePoints, photos: int) -> np.ndarray:
-    """(photos, photos) int: tie points that two photographs share; the diagonal is zero."""
-    shows = coo_array(
-        (np.ones(len(points), dtype=np.int64), (points.photo, points.track)), shape=(photos, points.track.max(initial=0) + 1)
-    )
-    shared = (shows.tocsr() @ shows.tocsr().T).toarray()
-    np.fill_diagonal(shared, 0)
-    return shared
-
-
 def _point_figures(points: TiePoints, strength: Strength) -> tuple[Figure, ...]:
     in_three = int((strength.rays >= 3).sum())
     per_point = round(float(strength.rays.mean()), 2)
@@ -164,11 +94,11 @@ def _refinement_figures(summary: RefinementSummary) -> tuple[Figure, ...]:
 
 
 def _block_figures(strength: Strength) -> tuple[Figure, ...]:
-    parts, fewest = _parts(strength), int(strength.observations.min())
+    parts, fewest = len(strength.parts), strength.fewest
     even = "How evenly the nine von Gruber areas of a frame are filled, median over the photographs; 1: equally."
     return (
         Figure(name="connected_parts", value=parts, sentence="Parts of the block without enough tie points between them."),
-        Figure(name="distribution_index", value=_rounded(float(np.median(strength.evenness))), sentence=even),
+        Figure(name="distribution_index", value=_rounded(strength.median_evenness), sentence=even),
         Figure(name="fewest_in_photo", value=fewest, sentence="Tie points in the photograph with the fewest."),
     )
 
@@ -180,10 +110,6 @@ def _floor_figure(weighting: Weighting) -> Figure:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
-
-
-def _parts(strength: Strength) -> int:
-    return len(np.unique(strength.block[strength.block >= 0]))
 
 
 def _photo_grid(photos: Photos, strength: Strength) -> Grid:
@@ -198,8 +124,8 @@ def _photo_grid(photos: Photos, strength: Strength) -> Grid:
         title="Photographs",
         columns=columns,
         rows=rows,
-        note=f"Connected: {_WEAK} common tie points or more. Covered: of {_CELLS} x {_CELLS} cells. Distribution index: entropy of "
-        "the nine von Gruber areas, 1 when all hold the same number.",
+        note=f"Connected: {WEAK} common tie points or more. Covered: of {FRAME_CELLS} x {FRAME_CELLS} cells. Distribution index: "
+        "entropy of the nine von Gruber areas, 1 when all hold the same number.",
     )
 
 
@@ -217,7 +143,7 @@ def _outcome_grid(summary: RefinementSummary) -> Grid:
 
 
 def _ray_chart(strength: Strength) -> Chart:
-    counts = np.bincount(strength.rays)[2:]
+    counts = strength.points_by_rays
     return Chart(
         title="Photographs per tie point",
         style="bars",
@@ -243,16 +169,16 @@ def _block_chart(photos: Photos, summaries: tuple[PairSummary, ...]) -> Chart:
 
 
 def _verdict(strength: Strength) -> Verdict:
-    parts, fewest = _parts(strength), int(strength.observations.min())
+    parts, fewest = len(strength.parts), strength.fewest
     connected = "connect all photographs" if parts == 1 and fewest else f"leave {parts} parts" if parts > 1 else "leave some out"
-    level: Literal["good", "fair", "poor"] = "poor" if parts > 1 else "good" if fewest >= _WEAK else "fair"
+    level: Literal["good", "fair", "poor"] = "poor" if parts > 1 else "good" if fewest >= WEAK else "fair"
     weakest = f"the weakest photograph has {fewest}"
     return Verdict(level=level, sentence=f"{len(strength.rays)} tie points {connected}; {weakest}.")
 
 
 def _doubts(photos: Photos, strength: Strength) -> Iterator[str]:
     """A block in parts has a common place only by positions and control, whatever the adjustment says."""
-    if _parts(strength) > 1:
+    if len(strength.parts) > 1:
         yield _divided(photos, strength)
 
 
@@ -266,9 +192,9 @@ def _other_warnings(photos: Photos, strength: Strength, summaries: tuple[PairSum
     if unconnected:
         they = "it" if len(unconnected) == 1 else "they"
         yield f"No other photograph shows common ground with {some_of(unconnected, most=10)}: {they} will not join the block."
-    weak = [f"{name} ({count})" for name, count, _ in counted if 0 < count < _WEAK]
+    weak = [f"{name} ({count})" for name, count, _ in counted if 0 < count < WEAK]
     if weak:
-        yield f"Fewer than {_WEAK} tie points in {some_of(weak, most=10)}: expect a poorly determined or failing orientation there."
+        yield f"Fewer than {WEAK} tie points in {some_of(weak, most=10)}: expect a poorly determined or failing orientation there."
     uneven = [name for name, count, share in counted if count and share < _LEAST_COVERAGE]
     if uneven:
         yield (
@@ -298,11 +224,7 @@ def _same_picture(stays: str, others: list[str]) -> str:
 
 
 def _divided(photos: Photos, strength: Strength) -> str:
-    parts = [
-        [photos.names[number] for number in np.flatnonzero(strength.block == part)]
-        for part in np.unique(strength.block)
-        if part >= 0
-    ]
+    parts = [[photos.names[number] for number in part] for part in strength.parts]
     smaller = sorted(parts, key=len)[:-1]
     named = "; ".join(some_of(part, most=10) for part in smaller[:_MOST_PARTS])
     return (

@@ -1,8 +1,7 @@
 """What the report shows of cameras from any source: parameters with standard errors, the distortion curve, and warnings."""
 
 from collections import Counter
-
-import numpy as np
+from math import floor, log10, nan, sqrt
 
 from orthomill.schemas.camera import INTERIOR, Camera, Cameras
 from orthomill.schemas.errors import some_of
@@ -10,9 +9,9 @@ from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_constant
+from orthomill.tasks.calibration.cameras.radial_curves import radial_curves
 from orthomill.tasks.calibration.cameras.untagged_photographs import GUESS_SHARE, Substitute, UntaggedPhotos
 from orthomill.tasks.geometry.camera_change import sensor_name
-from orthomill.tasks.geometry.distortion import image_to_pixel
 
 LENS_NAMES = {
     "brown": "Brown's lens",
@@ -119,7 +118,7 @@ def _sigma(camera: Camera, name: str) -> float | None:
         return None
     at = INTERIOR.index(name)
     # A covariance that went through turns and scalings may have a variance of -1e-20 for a fixed parameter.
-    return float(np.sqrt(max(camera.covariance[at][at], 0.0)))
+    return sqrt(max(camera.covariance[at][at], 0.0))
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
@@ -157,7 +156,7 @@ def _with_sigma(value: float, sigma: float | None) -> tuple[str, str]:
         return f"{value:.7g}", "fixed"
     # Two significant digits of the standard error. Coefficients in px^-2 would need a dozen decimals: these get an exponent
     # instead.
-    decimals = max(0, 1 - int(np.floor(np.log10(sigma))))
+    decimals = max(0, 1 - floor(log10(sigma)))
     return (f"{value:.{decimals}f}", f"{sigma:.{decimals}f}") if decimals < 9 else (f"{value:.6g}", f"{sigma:.2g}")
 
 
@@ -167,26 +166,16 @@ def _per_c2(camera: Camera) -> float | None:
 
 
 def _distortion_chart(cameras: tuple[Camera, ...]) -> Chart:
-    reach = max(float(np.hypot(camera.width, camera.height)) / 2 for camera in cameras)
-    radius = np.linspace(0.0, reach, 60)
-    curves = {camera.name: tuple(_radial(camera, radius).round(4).tolist()) for camera in cameras}
+    radius, curves = radial_curves(cameras)
     return Chart(
         title="Radial distortion",
         style="lines",
         x_label="distance from the principal point (px)",
         y_label="displacement (px)",
-        x=tuple(radius.round(2).tolist()),
+        x=radius,
         series=curves,
         caption="Observed minus ideal; negative is towards the centre (barrel).",
     )
-
-
-def _radial(camera: Camera, radius: np.ndarray) -> np.ndarray:
-    """Radial distortion (n,) px at ideal radii (n,) px from the principal point, without its tangential part."""
-    only = {name: 0.0 for name in ("x0", "y0", "p1", "p2", "affinity", "skew", "s1", "s2", "s3", "s4") if camera.value(name)}
-    centred = camera.changed(**only)
-    pixels = image_to_pixel(centred, np.column_stack([radius, np.zeros_like(radius)]))
-    return pixels[:, 0] - (camera.width - 1) / 2 - radius
 
 
 def _scale_warnings(cameras: Cameras, sources: dict[str, Camera]) -> list[str]:
@@ -224,7 +213,7 @@ def _contradicts(photo: Photo) -> bool:
 
 
 def _contradiction(photo: Photo) -> str:
-    by_pixel, by_35mm = _two_constants(photo) or (np.nan, np.nan)
+    by_pixel, by_35mm = _two_constants(photo) or (nan, nan)
     return (
         f"The EXIF tags of {photo.camera} contradict each other: the camera constant is {by_pixel:.0f} px by focal length and "
         f"pixel size, but {by_35mm:.0f} px by the 35 mm equivalent."

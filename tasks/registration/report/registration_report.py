@@ -1,10 +1,9 @@
 """What a surveyor reads about the registration of scans: precision, residuals, check points, blunders."""
 
-import numpy as np
-
 from orthomill.schemas.observations import RegisteredPoints
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Product, StageReport, Verdict
 from orthomill.tasks.registration.registered_scans import RegisteredScan, RegisteredScans, RejectedTarget, TargetResiduals
+from orthomill.tasks.registration.scan_figures import check_rms, largest_residuals, mean_sigma, place_sigmas
 
 PRODUCTS = (
     Product(path="products/scans.json", purpose="Rotation and translation of each scan with their covariance"),
@@ -41,7 +40,7 @@ def _verdict(scans: RegisteredScans, doubts: tuple[str, ...]) -> Verdict:
 
 
 def _figures(scans: RegisteredScans, points: RegisteredPoints) -> tuple[Figure, ...]:
-    sigma = np.sqrt(np.mean([points.sigma_x**2, points.sigma_y**2, points.sigma_z**2]))
+    away = check_rms(scans)
     return (
         Figure(name="scans", value=len(scans.scans), headline=True),
         Figure(
@@ -55,7 +54,10 @@ def _figures(scans: RegisteredScans, points: RegisteredPoints) -> tuple[Figure, 
         Figure(name="control_points", value=scans.control, sentence="Surveyed targets that took part."),
         Figure(name="tie_points", value=scans.tie, sentence="Targets in two or more scans that were not surveyed."),
         Figure(
-            name="point_sigma", value=round(1000 * float(sigma), 3), unit="mm", sentence="Of a registered coordinate, on average."
+            name="point_sigma",
+            value=round(1000 * mean_sigma(points), 3),
+            unit="mm",
+            sentence="Of a registered coordinate, on average.",
         ),
         Figure(name="rejected", value=len(scans.rejected), sentence="Targets that contradict the others."),
         Figure(name="datum", value=scans.datum, sentence="Control, or the scan that defines the system."),
@@ -63,13 +65,13 @@ def _figures(scans: RegisteredScans, points: RegisteredPoints) -> tuple[Figure, 
             name="scan_factor", value=round(scans.scan_factor, 3), sentence="Estimated over stated standard errors.", detail=True
         ),
         Figure(name="control_factor", value=round(scans.control_factor, 3), sentence="The same of control.", detail=True),
-        Figure(name="check_rms", value=_check_rms(scans), unit="mm", sentence="Check points: registered minus surveyed."),
+        Figure(
+            name="check_rms",
+            value=None if away is None else round(1000 * away, 3),
+            unit="mm",
+            sentence="Check points: registered minus surveyed.",
+        ),
     )
-
-
-def _check_rms(scans: RegisteredScans) -> float | None:
-    away = [point.difference for point in scans.checked]
-    return round(1000 * float(np.sqrt(np.mean(np.square(away)))), 3) if away else None
 
 
 def _doubts(scans: RegisteredScans) -> tuple[str, ...]:
@@ -120,12 +122,11 @@ def _scan_grid(scans: RegisteredScans) -> Grid:
 
 
 def _scan_row(scan: RegisteredScan) -> tuple[float | int | str | None, ...]:
-    sigma = 1000 * np.sqrt(np.maximum(np.diag(np.array(scan.covariance))[:3], 0.0))
     return (
         scan.name,
         *(round(value, 4) for value in scan.translation),
         *(round(value, 5) for value in scan.omega_phi_kappa),
-        *(round(float(value), 2) for value in sigma),
+        *(round(1000 * value, 2) for value in place_sigmas(scan)),
         scan.targets,
         round(1000 * scan.rms_m, 2),
     )
@@ -150,14 +151,13 @@ def _rejected_grid(scans: RegisteredScans) -> Grid:
 
 def _worst_grid(residuals: TargetResiduals) -> Grid:
     """The twenty largest residuals."""
-    size = np.where(residuals.used, np.nan_to_num(residuals.standardised), 0.0)
-    worst = [i for i in np.argsort(-size, kind="stable")[:20] if size[i] > 0]
+    worst = largest_residuals(residuals, 20)
     rows = tuple(
         (
             str(residuals.name[i]),
             str(residuals.scan[i]),
             *(round(1000 * float(v[i]), 2) for v in (residuals.v_x, residuals.v_y, residuals.v_z)),
-            round(float(size[i]), 2),
+            round(float(residuals.standardised[i]), 2),
         )
         for i in worst
     )

@@ -34,6 +34,11 @@ def draw_boards(overview: np.ndarray, residuals: CornerResiduals, photo: str, si
     return picture
 
 
+def spread(count: int, most: int) -> list[int]:
+    """At most so many of `count` numbers, evenly over them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
+
+
 def usual_length(residual: np.ndarray) -> float:
     """Median length (px) of residuals (M, 2)."""
     return float(np.median(np.linalg.norm(residual, axis=1))) if len(residual) else 1.0

@@ -2,17 +2,15 @@
 
 import math
 from collections.abc import Iterator
-
-import numpy as np
+from statistics import median
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs, epipolar_raster
 from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict
-from orthomill.tasks.epipolar.parallax import LEAST_POINTS, ROWS_AGREE, RowResiduals, kept_ties, row_residuals, summary
-from orthomill.tasks.geometry.normal_case import border_pixels
-from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.epipolar.parallax import LEAST_POINTS, ROWS_AGREE, RowResiduals
+from orthomill.tasks.epipolar.row_checks import CheckedRows, centres_and_footprints, checked_rows, mean_base_height
 
 PARALLAX_LIMIT = 0.5
 """px: root mean square y-parallax beyond which matching along rows loses points"""
@@ -22,16 +20,14 @@ BAND_LIMIT = 1.0
 
 def report(block: Block, pairs: EpipolarPairs, measured: ImageResiduals, photos: Photos) -> StageReport:
     """Tables, figures and warnings of the epipolar pairs; the y-parallaxes are those of tie points that the adjustment kept."""
-    ties = kept_ties(measured)
-    residuals = {pair.name: row_residuals(pair, block, ties, photos.names) for pair in pairs.pairs}
-    rows = {name: summary(values) for name, values in residuals.items()}
-    whole = summary(np.concatenate(list(residuals.values())))
+    checked = checked_rows(block, pairs, measured, photos)
+    rows, whole = checked.pairs, checked.whole
     return StageReport(
         verdict=_verdict(pairs, whole),
         losses=(*_level_warning(pairs), *_row_warnings(pairs, rows)),
         figures=_figures(pairs, whole),
         grids=(_pairs_grid(pairs), _residuals_grid(pairs, rows), *_not_used(pairs)),
-        charts=(_map(block), _histogram(residuals)),
+        charts=(_map(block), _histogram(checked)),
         pictures=_pictures(pairs.pairs[0]),
         warnings=tuple(_warnings(block, pairs, rows)),
     )
@@ -87,7 +83,7 @@ def _figures(pairs: EpipolarPairs, every: RowResiduals) -> tuple[Figure, ...]:
         "y_parallax_max": _known(every.greatest, 3),
         "row_band": _known(max(pair.row_sigma_predicted for pair in used), 3),
         "level": pairs.pairs[0].level,
-        "base_height_mean": _known(float(np.mean([pair.base_height for pair in used])), 3),
+        "base_height_mean": _known(mean_base_height(pairs), 3),
         "megapixels": round(megapixels, 1),
     }
     return tuple(
@@ -160,36 +156,27 @@ def _not_used(pairs: EpipolarPairs) -> tuple[Grid, ...]:
 
 def _map(block: Block) -> Chart:
     """Projection centres with their names, and points along the borders of the footprints."""
-    # Every fourth border point: the footprint stays recognisable and the chart of a large block stays small.
-    mean = block.ground_mean
-    corners = [block_view(block, name).at_height(border_pixels(block_view(block, name))[::4], mean) for name in block.names]
-    points = np.vstack([[photo.centre for photo in block.photos], *corners])
-    points = points[np.isfinite(points).all(axis=1)]
-    labels = (*block.names, *[""] * (len(points) - len(block.names)))
+    x, y, centres = centres_and_footprints(block)
     return Chart(
         title="Projection centres and borders of the footprints",
         style="map",
         x_label="X (m)",
         y_label="Y (m)",
-        x=tuple(points[:, 0].round(2).tolist()),
-        series={"y": tuple(points[:, 1].round(2).tolist())},
-        labels=labels,
+        x=x,
+        series={"y": y},
+        labels=(*block.names, *[""] * (len(x) - centres)),
         caption="Labelled points are projection centres; the others follow the borders of the photographs on the ground.",
     )
 
 
-def _histogram(residuals: dict[str, np.ndarray]) -> Chart:
-    every = np.concatenate(list(residuals.values()))
-    # beyond 2 px nothing can be matched along rows: how far beyond does not matter, so the outermost bars collect it
-    edges = np.linspace(-2.0, 2.0, 41)
-    counts, _ = np.histogram(np.clip(every, -2.0, 2.0), edges)
+def _histogram(checked: CheckedRows) -> Chart:
     return Chart(
         title="Y-parallax of the tie points",
         style="bars",
         x_label="y-parallax (px)",
         y_label="measurements",
-        x=tuple(((edges[:-1] + edges[1:]) / 2).round(3).tolist()),
-        series={"all pairs": tuple(map(float, counts))},
+        x=checked.middles,
+        series={"all pairs": checked.counts},
     )
 
 
@@ -232,7 +219,7 @@ def _warnings(block: Block, pairs: EpipolarPairs, rows: dict[str, RowResiduals])
 
 def _level_warning(pairs: EpipolarPairs) -> Iterator[str]:
     level = pairs.pairs[0].level
-    rows = float(np.median([pair.row_sigma for pair in pairs.pairs])) * 2**level
+    rows = median(pair.row_sigma for pair in pairs.pairs) * 2**level
     if level and rows > ROWS_AGREE:
         yield (
             f"The photographs do not fit together to a pixel: homologous points lie {rows:.1f} px off their row (median pair). So "

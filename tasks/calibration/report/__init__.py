@@ -1,0 +1,1 @@
+"""What the stage `calibration` tells of the cameras."""

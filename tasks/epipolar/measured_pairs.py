@@ -1,0 +1,33 @@
+"""The useful pairs of a block, on the pyramid level on which their rows agree."""
+
+from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.observations import ImageResiduals
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.epipolar.pair_choice import PairChoice
+from orthomill.tasks.epipolar.parallax import matched_level, with_measured_rows
+from orthomill.tasks.epipolar.selection import choose_pairs
+
+
+def measured_pairs(
+    block: Block,
+    measured: ImageResiduals,
+    photos: Photos,
+    choice: PairChoice,
+    height_margin: float,
+    height_room: float,
+    level: int | None,
+) -> EpipolarPairs:
+    """The useful pairs (`choose_pairs`) with the rows that their tie points measured, on pyramid level `level`; None: on the finest
+    one on which these agree."""
+    coarsest = min(photos[name].levels for name in block.names) - 1
+
+    def on(number: int) -> EpipolarPairs:
+        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest))
+        return with_measured_rows(pairs, block, measured, photos.names)
+
+    if level is not None:
+        return on(level)
+    fine = on(0)
+    worth = matched_level(fine)
+    return on(worth) if worth else fine

@@ -1,0 +1,1 @@
+"""What the stage `epipolar` tells of its pairs."""

@@ -1,0 +1,1 @@
+"""What the stage `photos` tells of the photographs."""

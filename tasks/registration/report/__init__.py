@@ -1,0 +1,1 @@
+"""What the stage `registration` tells of the scans."""

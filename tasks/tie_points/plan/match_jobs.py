@@ -1,0 +1,92 @@
+"""Matches of pairs, and the tracks over all photographs."""
+
+from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.job import Job, Raster, Stream
+from orthomill.schemas.photo import Photo, Photos, photo_raster
+from orthomill.schemas.raster import Window
+from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair
+from orthomill.tasks.tie_points.match_records import DESCRIPTOR, MatchCounts
+from orthomill.tasks.tie_points.matched_features import keep_matched
+from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
+from orthomill.tasks.tie_points.plan.tie_point_tables import (
+    KEPT,
+    LINKS,
+    MATCH_COUNTS,
+    feature_tables,
+    frame_sizes,
+    level_size,
+    observation_table,
+    pair_tables,
+    search_level,
+)
+from orthomill.tasks.tie_points.stage import TiePointsStage
+from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tracks_of_kept
+
+
+def pair_job(asked: TiePointsStage, left: Photo, right: Photo) -> Job:
+    if asked.search.kind == "correlation":
+        return _correlation_job(asked, (left, right), asked.search)
+    matches, summary = pair_tables(left.name, right.name)
+    scale = 2 ** max(search_level(asked, left), search_level(asked, right))
+    return Job(
+        stage=asked.kind,
+        item=f"{left.name}+{right.name} matches",
+        function=match_pair,
+        reads={"left": feature_tables(left.name), "right": feature_tables(right.name), "cameras": CAMERAS},
+        writes={"matches": matches, "summary": summary},
+        params={"names": (left.name, right.name), "rules": PairRules(asked.ratio, asked.epipolar_tolerance * scale)},
+        scratch=(3 * 4 * 1024 + 16 * DESCRIPTOR) * asked.max_features,
+    )
+
+
+def _correlation_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: CorrelationSearch) -> Job:
+    """Reads both photographs completely on the searched level, the size of which `search_side` bounds."""
+    left, right = pair
+    matches, summary = pair_tables(left.name, right.name)
+    levels = search_level(asked, left), search_level(asked, right)
+    shapes = [level_size(photo, level) for photo, level in zip(pair, levels, strict=True)]
+    names = [photo_raster(photo.name, level) for photo, level in zip(pair, levels, strict=True)]
+    pixels = tuple(Raster(name, Window(0, 0, *shape)) for name, shape in zip(names, shapes, strict=True))
+    rules = PairRules(asked.ratio, asked.epipolar_tolerance * 2 ** max(levels))
+    return Job(
+        stage=asked.kind,
+        item=f"{left.name}+{right.name} matches",
+        function=correlate_pair,
+        reads={"features": tuple(feature_tables(photo.name)[0] for photo in pair), "pixels": pixels, "cameras": CAMERAS},
+        writes={"matches": matches, "summary": summary},
+        params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
+        scratch=16 * sum(height * width for height, width in shapes) + 80 * search.correlation.search**2,
+    )
+
+
+def count_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
+    matches = Stream(tuple(pair_tables(photos.names[left], photos.names[right])[0] for left, right in pairs))
+    return Job(
+        stage=asked.kind,
+        item="counts",
+        function=keep_matched,
+        reads={"matches": matches, "again": matches, "features": Stream(tuple(feature_tables(name)[0] for name in photos.names))},
+        writes={"counts": MATCH_COUNTS, "kept": KEPT},
+        params={"pairs": pairs, "sizes": frame_sizes(photos), "most": asked.max_matched},
+        # Two bytes for every feature, eight for every one that is kept, and their sum as it is put together.
+        scratch=asked.max_features * (2 * len(photos.names) + 128) + 24 * asked.max_matched,
+    )
+
+
+def track_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int], ...], counts: MatchCounts) -> Job:
+    names = photos.names
+    observations = {observation_key(number): observation_table(name) for number, name in enumerate(names)}
+    return Job(
+        stage=asked.kind,
+        item="tracks",
+        function=tracks_of_kept,
+        reads={
+            "features": Stream(tuple(feature_tables(name)[0] for name in names)),
+            "matches": Stream(tuple(pair_tables(names[left], names[right])[0] for left, right in pairs)),
+            "summaries": tuple(pair_tables(names[left], names[right])[1] for left, right in pairs),
+            "kept": KEPT,
+        },
+        writes={"links": LINKS, **observations},
+        params={"pairs": pairs, "sizes": frame_sizes(photos)},
+        scratch=track_scratch(counts),
+    )
