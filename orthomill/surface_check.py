@@ -18,7 +18,7 @@ from orthomill.schemas.project import PhotoList, Project
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import CORRECTED, HEIGHT, PROVENANCE, SURFACE, Provenance
-from orthomill.tasks.dsm_check.report import DH, PRECISION
+from orthomill.tasks.dsm_check.report.check_report import DH, PRECISION
 from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import surface_on
 from orthomill.tasks.epipolar.stage import EpipolarStage

@@ -13,6 +13,8 @@ from scipy.ndimage import find_objects, label
 
 from orthomill.schemas.raster import MapGrid
 
+CoarseBlocks = np.ndarray
+"""float32 (rows, cols, 5): `blocks` and `slopes` of the check in blocks of cells"""
 CHECKED, MEAN, SIGMA, EAST, NORTH = range(5)
 """bands of the coarse raster"""
 _JUDGED = 0.3

@@ -201,3 +201,13 @@ def _weighted_median(values: np.ndarray, filled: np.ndarray) -> float:
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(filled[order])
     return float(values[order][np.searchsorted(upto, upto[-1] / 2)])
+
+
+def correction_classes(counts: Counts, pixel_height: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Middles (m) of 41 classes of corrections, and the number of cells in each; the outermost contain everything beyond."""
+    values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
+    # Four NMAD show the body of the distribution; a few blunders would otherwise squeeze it into one bar.
+    reach = max(4 * summarised(counts, pixel_height).nmad, 0.5 * pixel_height)
+    edges = np.linspace(-reach, reach, 42)
+    number, _ = np.histogram(np.clip(values, -reach, reach), edges, weights=filled)
+    return tuple(((edges[:-1] + edges[1:]) / 2).round(4).tolist()), tuple(map(float, number))

@@ -19,14 +19,16 @@ from orthomill.tasks.dsm_check.coverage import (
     rasterised,
     seen_ground,
 )
+from orthomill.tasks.dsm_check.judged_blocks import tolerance_values
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
-from orthomill.tasks.dsm_check.report import Blocks, report
-from orthomill.tasks.dsm_check.report_areas import CHANGES, area_warnings
-from orthomill.tasks.dsm_check.report_rounds import relief_values, shift_warnings, tolerance_values, with_pairs_apart
+from orthomill.tasks.dsm_check.report.area_words import CHANGES, area_warnings
+from orthomill.tasks.dsm_check.report.check_report import Blocks, report
+from orthomill.tasks.dsm_check.report.round_words import relief_values, shift_warnings
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.statistics import PairCounts, TileCounts, count, count_pair, count_tile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import measured_surface, surface_on
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
+from orthomill.tasks.dsm_check.surfaces.whole_shift import with_pairs_apart
 from orthomill.tasks.dsm_check.tile import CorrectionRule, NodeWindow, correct_tile, take_surface
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.selection import choose_pairs

@@ -17,7 +17,9 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
 from orthomill.tasks.dsm_check.coverage import best_cover, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
-from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile, node_raster, ortho_raster
+from orthomill.tasks.dsm_check.plan.round_plan import node_raster, ortho_raster
+from orthomill.tasks.dsm_check.stage import DsmCheckStage
+from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.selection import choose_pairs
 

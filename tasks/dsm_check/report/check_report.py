@@ -5,19 +5,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport, Verdict
 from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
-from orthomill.tasks.dsm_check.areas import SIGMA, SuspiciousArea, Trend, fitted_trend, is_judged, suspicious_areas
-from orthomill.tasks.dsm_check.correction_map import detectable_error
+from orthomill.tasks.dsm_check.areas import CoarseBlocks, SuspiciousArea, Trend, fitted_trend, suspicious_areas
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
 from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
-from orthomill.tasks.dsm_check.report_areas import ERRORS, AreaWords, area_warnings, areas_grid
-from orthomill.tasks.dsm_check.report_rounds import (
+from orthomill.tasks.dsm_check.judged_blocks import median_detectable, tolerance_values
+from orthomill.tasks.dsm_check.report.area_words import ERRORS, AreaWords, area_warnings, areas_grid
+from orthomill.tasks.dsm_check.report.round_words import (
     beyond_warning,
     check_evidence,
     code_picture,
@@ -26,13 +24,11 @@ from orthomill.tasks.dsm_check.report_rounds import (
     rounds_grid,
     shift_values,
     shift_warnings,
-    tolerance_values,
-    whole_shift,
-    with_pairs_apart,
 )
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
-from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, bin_width, summarised
+from orthomill.tasks.dsm_check.statistics import Counts, PairCounts, Summary, TileCounts, added, correction_classes, summarised
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, SurfaceTrend
+from orthomill.tasks.dsm_check.surfaces.whole_shift import whole_shift, with_pairs_apart
 
 __all__ = ["DETECTABLE", "DH", "LAST_ROUND", "PRECISION", "TEST", "Blocks", "report"]
 
@@ -80,7 +76,7 @@ class Reported(NamedTuple):
 def report(
     tiles: tuple[TileCounts, ...],
     pairs: CheckedPairs,
-    coarse: np.ndarray,
+    coarse: CoarseBlocks,
     blocks: Blocks,
     rounds: tuple[RoundState, ...] = (),
     shift: SurfaceShift | None = None,
@@ -104,7 +100,7 @@ def report(
         medians = [_summary(_of_pair(tiles, pair.name), pairs).median for pair in pairs.pairs]
         of_file = with_pairs_apart(whole_shift(shift, raised, shift.in_plan and not keeps), medians)
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
-    detectable = _detectable(coarse, blocks.significance)
+    detectable = median_detectable(coarse, blocks.significance)
     tilts = _tilt_warnings(trend, pairs, detectable)
     shifted = shift_warnings(of_file, not keeps, blocks.grid.cell) if of_file else ()
     told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *shifted)
@@ -325,28 +321,24 @@ def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
 
 def _outcomes_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
     every = [part.outcomes for pair in pairs.pairs for part in _of_pair(tiles, pair.name)]
-    totals = np.sum(np.array(every or [(0,) * len(Outcome)]), axis=0)
+    totals = [sum(numbers) for numbers in zip(*every, strict=True)]
     return Grid(
         title="Outcomes of the nodes",
         columns=("outcome", "nodes"),
-        rows=tuple((Outcome(code).sentence, int(number)) for code, number in enumerate(totals) if number),
+        rows=tuple((Outcome(code).sentence, number) for code, number in enumerate(totals) if number),
         note="Moving vehicles and places visible in one photograph only must fail here; those that pass cause false alarms.",
     )
 
 
 def _histogram(counts: Counts, pixel_height: float) -> Chart:
-    values, filled = np.array(counts.bins) * bin_width(pixel_height), np.array(counts.filled)
-    # four NMAD show the body of the distribution; a few blunders would otherwise squeeze it into one bar
-    reach = max(4 * summarised(counts, pixel_height).nmad, 0.5 * pixel_height)
-    edges = np.linspace(-reach, reach, 42)
-    number, _ = np.histogram(np.clip(values, -reach, reach), edges, weights=filled)
+    middles, numbers = correction_classes(counts, pixel_height)
     return Chart(
         title="Corrections of the surface",
         style="bars",
         x_label="dh (m)",
         y_label="cells",
-        x=tuple(((edges[:-1] + edges[1:]) / 2).round(4).tolist()),
-        series={"cells": tuple(map(float, number))},
+        x=middles,
+        series={"cells": numbers},
         caption="Photographs minus surface model; the outermost bars contain everything beyond.",
     )
 
@@ -379,12 +371,6 @@ def _pictures(pairs: CheckedPairs, whole: Summary, words: AreaWords) -> tuple[Pi
         ),
         Picture(title="Surface after the check", raster=CORRECTED, style="hillshade", unit="m"),
     )
-
-
-def _detectable(coarse: np.ndarray, significance: float) -> float:
-    """m: the smallest error that is found in half of the judged blocks (rows, cols, 3); NaN without any."""
-    judged = is_judged(coarse)
-    return float(np.median(detectable_error(coarse[judged][:, SIGMA], significance))) if judged.any() else math.nan
 
 
 def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float, blocks: Blocks) -> Verdict:
@@ -423,7 +409,7 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
 
 def _tilt_warnings(trend: Trend, pairs: CheckedPairs, detectable: float) -> Iterator[str]:
     """A tilt that is neither what a sound orientation leaves nor less than the errors that the check finds one by one."""
-    if trend.range > max(_TILT_LIMIT * pairs.pixel_height, np.nan_to_num(detectable)):
+    if trend.range > max(_TILT_LIMIT * pairs.pixel_height, 0.0 if math.isnan(detectable) else detectable):
         low, high = (_COMPASS[round(math.atan2(way * trend.north, way * trend.east) / (math.pi / 4)) % 8] for way in (1, -1))
         yield (
             f"The surface is tilted relative to the photographs: by {trend.range:.2g} m from corner to corner, too low in the "

@@ -1,13 +1,12 @@
 """What the report says of a check in several rounds, of the shift of a surface from a file, and of the share that was judged."""
 
 from collections.abc import Iterator
-
-import numpy as np
+from math import hypot
 
 from orthomill.schemas.stage_report import Evidence, Grid, Picture
 from orthomill.schemas.surface import CHECK_CODES, CHECKED_CODE
-from orthomill.tasks.dsm_check.areas import CHECKED, MEAN, SIGMA, is_judged
-from orthomill.tasks.dsm_check.correction_map import POWER
+from orthomill.tasks.dsm_check.areas import CoarseBlocks
+from orthomill.tasks.dsm_check.judged_blocks import Values, corrections_rms
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.statistics import RELIEF, TileCounts
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
@@ -20,23 +19,6 @@ _DATUM = 3.0
 """m: a shift in height beyond it is rather another height system than an error"""
 _NO_DATUM = 200.0
 """m: no two height systems differ by so much; the sea lies 106 m below to 85 m above the ellipsoid"""
-
-Values = dict[str, float | int | None]
-
-
-def whole_shift(placed: SurfaceShift, raised: float, moved: bool) -> SurfaceShift:
-    """The shift of a surface as it was given. placed: after it was brought to the tie points; raised: m, by how much it was raised
-    for the check; moved: whether it was moved back in plan as well."""
-    return placed.model_copy(update={"up": (0.0 if moved else placed.up - placed.level) - raised})
-
-
-def with_pairs_apart(found: SurfaceShift, medians: list[float]) -> SurfaceShift:
-    """A shift whose standard error in height holds what the orientation of every pair adds alike all over the surface, and no
-    scatter of blocks can show: that of the mean of the pairs' medians (m)."""
-    known = np.array([median for median in medians if np.isfinite(median)])
-    if len(known) < 2:
-        return found
-    return found.model_copy(update={"up_sigma": float(np.hypot(found.up_sigma, known.std(ddof=1) / np.sqrt(len(known))))})
 
 
 def shift_values(shift: SurfaceShift | None) -> Values:
@@ -67,7 +49,7 @@ def shift_warnings(shift: SurfaceShift, removed: bool, cell: float) -> Iterator[
         )
     if shift.east is None or shift.north is None or shift.plan_sigma is None:
         return
-    if shift.in_plan and np.hypot(shift.east, shift.north) > _OF_A_CELL * cell:
+    if shift.in_plan and hypot(shift.east, shift.north) > _OF_A_CELL * cell:
         done = (
             "it was taken out" if removed else "it shows as errors of height on slopes and at edges (`shift: remove` takes it out)"
         )
@@ -90,33 +72,11 @@ def _cause(up: float) -> str:
     return ""
 
 
-def corrections_rms(coarse: np.ndarray) -> float | None:
-    """Root mean square (m) of the corrections of the blocks (rows, cols, 5); None where nothing was judged."""
-    known = coarse[is_judged(coarse)].astype(np.float64)
-    weight = known[:, CHECKED].sum()
-    return float(np.sqrt((known[:, CHECKED] * known[:, MEAN] ** 2).sum() / weight)) if weight else None
-
-
-def check_evidence(coarse: np.ndarray, product: str) -> tuple[Evidence, ...]:
+def check_evidence(coarse: CoarseBlocks, product: str) -> tuple[Evidence, ...]:
     """What the check says of the heights of the surface under test, a product of the project."""
     rms = corrections_rms(coarse)
     source = "by the check without reference data"
     return () if rms is None else (Evidence(of="height", rmse=rms, source=source, independent=False, products=(product,)),)
-
-
-def tolerance_values(coarse: np.ndarray, significance: float, tolerance: float | None) -> Values:
-    """Shares of the judged ground that keep a tolerance (m), break it, or cannot be told, from the blocks (rows, cols, 5) of the
-    check."""
-    known = coarse[is_judged(coarse)].astype(np.float64)
-    weight = known[:, CHECKED].sum()
-    if tolerance is None or not weight:
-        return dict.fromkeys(("proved", "broken", "untold"))
-    size, sigma = np.abs(known[:, MEAN]), known[:, SIGMA]
-    # Proved: what was found, and what the test might have missed beside it, are together within the tolerance.
-    proved = size + POWER * sigma <= tolerance
-    broken = size - significance * sigma > tolerance
-    shares = [round(100 * float(known[cells, CHECKED].sum() / weight), 1) for cells in (proved, broken, ~proved & ~broken)]
-    return dict(zip(("proved", "broken", "untold"), shares, strict=True))
 
 
 def rounds_grid(rounds: tuple[RoundState, ...]) -> tuple[Grid, ...]:

@@ -1,0 +1,1 @@
+"""What the stage `dsm_check` tells of the surface under test."""
