@@ -25,10 +25,8 @@ from distributed.security import Security
 from orthomill.pipeline.engine.dashboard_guard import Guard, new_secret
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import SchedulerLost
+from orthomill.pipeline.engine.worker_terms import INSTALL, Terms, objection
 from orthomill.schemas.errors import ResourceError
-
-MEMORY = "orthomill_memory"
-"""Name of the worker resource, in bytes."""
 
 ANSWER = "20s"
 """How long the scheduler of an existing cluster may take to answer."""
@@ -36,7 +34,9 @@ READY = 600.0
 """Seconds in which a worker must have started, and then have loaded the program; with all cores busy that takes minutes."""
 CLOSING = 20
 """Seconds that client and cluster may take to close; after that their processes end with this one."""
-PROGRAM = ("orthomill.pipeline.engine.dask_runner:execute_sent", "orthomill:__version__")
+ASKED = 60.0
+"""Seconds that the workers of an existing cluster may take to say what they are."""
+PROGRAM = ("orthomill:__version__", "orthomill.pipeline.engine.dask_runner:execute_sent")
 """What a worker must be able to load: how jobs are done, and the version by which they were planned."""
 NOTHING = logging.CRITICAL + 1
 """Level of logging for libraries that call the loss of a connection critical, with a traceback."""
@@ -143,8 +143,7 @@ def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
     """A scheduler in this process, and worker processes of this machine."""
     common = {"host": "127.0.0.1", "protocol": "tls://", "security": Security.temporary()}
     scheduler = {"secret": secret, "port": 0, "dashboard": True, "dashboard_address": f"127.0.0.1:{free_port(port)}"}
-    worker = {"nthreads": 1, "memory_limit": memory, "resources": {MEMORY: memory}, "silence_logs": NOTHING}
-    worker["death_timeout"] = READY
+    worker = {"nthreads": 1, "memory_limit": memory, "silence_logs": NOTHING, "death_timeout": READY}
     return SpecCluster(
         scheduler={"cls": GuardedScheduler, "options": common | scheduler},
         workers={number: {"cls": Nanny, "options": common | worker} for number in range(workers)},
@@ -155,20 +154,46 @@ def _cluster(workers: int, memory: int, port: int, secret: str) -> SpecCluster:
 
 def _check_program(client: Client, advice: str) -> None:
     """Raises ResourceError where a worker does not load this version of the program."""
-    # By a function of Python's own: what a worker cannot load breaks its connection, and its jobs would be waited for in vain.
     try:
-        for name in PROGRAM:
-            answers = client.run(resolve_name, name, on_error="return", callback_timeout=READY)
-            for worker, answer in answers.items():
-                # One that ended in the middle says nothing of the program; its successor is looked at by the jobs that it gets.
-                if isinstance(answer, (CommClosedError, TimeoutError)):
-                    continue
-                if isinstance(answer, Exception):
-                    raise ResourceError(f"The worker {worker} cannot load orthomill ({type(answer).__name__}: {answer}); {advice}.")
-                if answer != (own := resolve_name(name)):
-                    raise ResourceError(f"The worker {worker} has orthomill {answer}, and this is {own}; {advice}.")
+        for worker, why in _other_programs(client, READY).items():
+            raise ResourceError(f"The worker {worker} {why}; {advice}.")
     except TimeoutError as error:
         raise ResourceError(f"A worker did not load orthomill within {READY / 60:.0f} minutes; {advice}.") from error
+
+
+def _other_programs(client: Client, patience: float) -> dict[str, str]:
+    """What is wrong with the program of each worker that does not load this version. Raises TimeoutError."""
+    found: dict[str, str] = {}
+    # By a function of Python's own: what a worker cannot load breaks its connection, and its jobs would be waited for in vain.
+    for name in PROGRAM:
+        answers = client.run(resolve_name, name, on_error="return", callback_timeout=patience)
+        for worker, answer in answers.items():
+            # One that ended in the middle says nothing of the program; its successor is asked with its first order.
+            if isinstance(answer, (CommClosedError, TimeoutError)):
+                continue
+            if isinstance(answer, Exception):
+                found.setdefault(worker, f"cannot load orthomill ({type(answer).__name__}: {answer})")
+            elif answer != (own := resolve_name(name)):
+                found.setdefault(worker, f"has orthomill {answer}, and this is {own}")
+    return found
+
+
+def objections(client: Client, terms: Terms) -> dict[str, str]:
+    """Why workers of an existing cluster may do no job of a run, by address.
+
+    One that does not answer in time is asked with its first order.
+    """
+    with suppress(TimeoutError):
+        found = {worker: f"{why}; {INSTALL}" for worker, why in _other_programs(client, ASKED).items()}
+        able = [worker for worker in client.scheduler_info(n_workers=-1).get("workers", {}) if worker not in found]
+        answers = client.run(_objection, terms, workers=able, on_error="return", callback_timeout=ASKED) if able else {}
+        return found | {worker: why for worker, why in answers.items() if isinstance(why, str)}
+    return {}
+
+
+def _objection(terms: Terms, dask_worker: Worker) -> str | None:
+    # Dask passes the worker to a parameter of this name.
+    return objection(terms, dask_worker.state.nthreads)
 
 
 def allow_memory(client: Client, memory: int) -> None:
@@ -234,8 +259,8 @@ def _environment(name: str, value: str) -> Iterator[None]:
 
 
 @contextmanager
-def remote_client(address: str, memory: int, tls: tuple[Path, Path, Path] | None = None) -> Iterator[Client]:
-    """A client of an existing cluster whose workers see the project's folder. Raises ResourceError.
+def remote_client(address: str, tls: tuple[Path, Path, Path] | None = None) -> Iterator[Client]:
+    """A client of an existing cluster. Raises ResourceError.
 
     With `tls` (certificate of an authority, own certificate, own key) everything is encrypted, and both sides must have a
     certificate of that authority.
@@ -248,11 +273,6 @@ def remote_client(address: str, memory: int, tls: tuple[Path, Path, Path] | None
             f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
         ) from error
     with _open(reached, f"at {address}", "restart the cluster") as client:
-        if not client.scheduler_info(n_workers=-1).get("workers"):
-            raise ResourceError(f"The Dask scheduler at {address} has no workers; start some with 'dask worker {address}'.")
-        _check_program(client, "install the version of this command in the workers' environment, and start them again")
-        # Workers that somebody else started do not offer the resource that the jobs ask for, and would never get one.
-        client.run(_declare_memory, memory)
         yield client
 
 
@@ -261,8 +281,3 @@ def _security(tls: tuple[Path, Path, Path] | None) -> Security | None:
         return None
     authority, certificate, key = map(str, tls)
     return Security(require_encryption=True, tls_ca_file=authority, tls_client_cert=certificate, tls_client_key=key)
-
-
-async def _declare_memory(memory: int, dask_worker: Worker) -> None:
-    # Dask passes the worker to a parameter of this name.
-    await dask_worker.set_resources(**{MEMORY: memory})

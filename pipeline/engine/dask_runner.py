@@ -1,42 +1,60 @@
 """Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the three files that import Dask.
 
-Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. Memory is a resource of each worker: the
-scheduler assigns no more jobs to a worker than its memory allows. A job that needs more than a worker's share, but no more than
-all workers of this machine have together, waits until nothing else runs, and runs alone. The scheduler holds a limited number of
-jobs at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it loses its workers.
+Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. A worker has one thread and does one job at a
+time, so that its memory is that of a job; one that has too little for a job does not get it. A job that needs more than a worker's
+share, but no more than all workers of this machine have together, waits until nothing else runs, and runs alone. The scheduler
+holds a limited number of jobs at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it
+loses its workers.
 """
 
 import time
 import uuid
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from distributed import Client, Future, KilledWorker, performance_report
+from distributed import Client, Future, KilledWorker, get_worker, performance_report
 from distributed.comm import CommClosedError
 from distributed.protocol.pickle import dumps, loads
 
-from orthomill.pipeline.engine.dask_cluster import LOST, MEMORY, allow_memory
+from orthomill.pipeline.engine.dask_cluster import LOST, allow_memory
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
+from orthomill.pipeline.engine.worker_terms import Declined, Terms, objection
+from orthomill.pipeline.engine.workforce import NOBODY, Workforce
 from orthomill.pipeline.records.records import Key
-from orthomill.schemas.errors import ResourceError
 
 WAVE = 2000
 """Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
 PATIENCE = 0.5
 """seconds after which waiting for a job looks whether the user wants to stop"""
-LOOKED = 10.0
-"""seconds of waiting after which it looks whether there are workers"""
-DESERTED = 300.0
-"""seconds after which a cluster without workers is given up; on an overloaded machine a new one takes minutes to start"""
+DECLINED = 1.0
+"""seconds that a worker which may do no job waits until it says so: it would be given all that wait, one after the other"""
+_ACCEPTED: set[Terms] = set()
+"""of the process of a worker: the runs for which it may do jobs"""
 
 
-def execute_sent(key: Key, content: bytes, *dependencies: object) -> Key:
-    """Do a job that came as bytes; returns its key. Raises JobFailed."""
+@dataclass(frozen=True)
+class Order:
+    """A job as it is handed to a worker: what it is, what it waits for, and the bytes that it needs."""
+
+    work: JobOrder
+    dependencies: tuple[Key, ...]
+    memory: int
+
+    @property
+    def key(self) -> Key:
+        return self.work.job.key
+
+
+def execute_sent(key: Key, content: bytes, terms: Terms | None, memory: int, *dependencies: object) -> Key:
+    """Do a job that came as bytes and needs so many bytes; returns its key. Raises JobFailed, Declined where it may not be done."""
+    if terms:
+        _accept(terms, memory)
     # What Dask itself cannot load breaks the connection of the worker, without a word to anybody.
     try:
         work = loads(content)
@@ -46,23 +64,47 @@ def execute_sent(key: Key, content: bytes, *dependencies: object) -> Key:
     return execute(work, *dependencies)
 
 
-class DaskRunner:
-    """Submits jobs to a Dask client as futures that depend on each other."""
+def _accept(terms: Terms, memory: int) -> None:
+    """Raises Declined where this worker does not fulfil the terms of a run, or has less memory than a job needs."""
+    worker = get_worker()
+    if terms not in _ACCEPTED:
+        if why := objection(terms, worker.state.nthreads):
+            time.sleep(DECLINED)
+            raise Declined(worker.address, why)
+        _ACCEPTED.add(terms)
+    room = worker.memory_manager.memory_limit
+    if room and room < memory:
+        raise Declined(worker.address, "", room)
 
-    def __init__(self, client: Client, memory_limit: int, description: str, room: int = 0) -> None:
+
+class DaskRunner:
+    """Submits jobs to a Dask client as futures that depend on each other. Without `terms` its workers are not asked for any."""
+
+    def __init__(
+        self,
+        client: Client,
+        memory_limit: int,
+        description: str,
+        room: int = 0,
+        terms: Terms | None = None,
+        say: Callable[[str], None] = lambda line: None,
+    ) -> None:
         self.memory_limit = memory_limit
         self.room = max(memory_limit, room)
         self.description = description
         self.dashboard = client.dashboard_link
         self.client = client
-        self._waiting: deque[tuple[JobOrder, tuple[Key, ...], int]] = deque()
+        self.workforce = Workforce(client, say)
+        self._terms = terms
+        self._waiting: deque[Order] = deque()
+        self._orders: dict[Key, Order] = {}
+        """of the jobs that the scheduler holds"""
+        self._for_some: dict[Key, list[str]] = {}
+        """the workers that have enough memory for a job, where not all have"""
         self._futures: dict[Key, Future] = {}
         """those that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
         self._started: Counter[Key] = Counter()
-        self._quiet = time.monotonic()
-        """when a job ended, or workers were seen"""
-        self._looked = self._quiet
         self._alone: Key | None = None
         """the job that has all memory for itself"""
         self._unusable: set[Key] = set()
@@ -72,37 +114,43 @@ class DaskRunner:
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
         self._unusable.discard(work.job.key)
-        self._waiting.append((work, dependencies, memory))
+        self._waiting.append(Order(work, dependencies, memory))
         self._fill()
 
     def _fill(self) -> None:
         """Hand over waiting jobs, in their order, until the scheduler has enough."""
         while self._waiting and len(self._futures) < WAVE and self._alone is None:
-            work, dependencies, memory = self._waiting[0]
-            large = memory > self.memory_limit
+            order = self._waiting[0]
+            large = order.memory > self.memory_limit
             if large and self._futures:
                 return
             self._waiting.popleft()
-            if self._unusable.intersection(dependencies):
-                self._unusable.add(work.job.key)
-                self._blocked.append(work.job.key)
+            if self._unusable.intersection(order.dependencies):
+                self._unusable.add(order.key)
+                self._blocked.append(order.key)
                 continue
             if large:
-                self._alone = work.job.key
+                self._alone = order.key
                 allow_memory(self.client, self.room)
-            self._start(work, dependencies, min(memory, self.memory_limit))
+            self._start(order)
 
-    def _start(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
+    def _start(self, order: Order) -> None:
         # Jobs that are done, in this run or before, have no future: their results are on disk.
-        before = [self._futures[key] for key in dependencies if key in self._futures]
+        before = [self._futures[key] for key in order.dependencies if key in self._futures]
         # A job that is submitted again is another one to Dask, which may still hold the first.
-        self._started[work.job.key] += 1
-        name = (*work.job.key, f"{self._session}-{self._started[work.job.key]}")
+        self._started[order.key] += 1
+        name = (*order.key, f"{self._session}-{self._started[order.key]}")
+        memory = self._need(order)
+        some = self.workforce.suited(memory)
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
-        sent = (execute_sent, work.job.key, dumps(work))
-        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, resources={MEMORY: memory}, pure=False)
-        self._futures[work.job.key] = future
-        self._await(work.job.key, future)
+        sent = (execute_sent, order.key, dumps(order.work), self._terms, memory)
+        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, workers=some, pure=False)
+        self._orders[order.key], self._futures[order.key] = order, future
+        if some is None:
+            self._for_some.pop(order.key, None)
+        else:
+            self._for_some[order.key] = some
+        self._await(order.key, future)
 
     def _await(self, key: Key, future: Future) -> None:
         future.add_done_callback(lambda ended: self._ended.put((key, ended)))
@@ -115,6 +163,9 @@ class DaskRunner:
         if self._blocked:
             return Finished(self._blocked.popleft(), "blocked")
         key, future = self._next_ended()
+        while future.status == "error" and isinstance(error := future.exception(), Declined):
+            self._declined(key, error)
+            key, future = self._next_ended()
         if future.cancelled():
             # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
             raise CommClosedError("the scheduler was lost, and all submitted jobs with it")
@@ -122,42 +173,55 @@ class DaskRunner:
         if finished.status != "done":
             self._unusable.add(key)
         # Nobody needs the result any more, which is a key; the scheduler forgets the job when those that wait for it are done.
-        del self._futures[key]
+        del self._futures[key], self._orders[key]
+        self._for_some.pop(key, None)
         if key == self._alone:
             self._alone = None
             allow_memory(self.client, self.memory_limit)
         self._fill()
         return finished
 
+    def _declined(self, key: Key, error: Declined) -> None:
+        """Hand a job out again that its worker, or that of a job before it, did not do."""
+        if error.why:
+            self.workforce.dismiss(error.worker, error.why)
+        else:
+            self.workforce.has_only(error.worker, error.room)
+        self._start(self._orders[key])
+
     def _next_ended(self) -> tuple[Key, Future]:
         """The next future that has ended and is still in that state: Dask revokes results of workers that died since."""
         while True:
             stop_if_asked()
+            self._look_after_workers()
             try:
                 key, future = self._ended.get(timeout=PATIENCE)
             except Empty:
-                self._look_for_workers()
                 continue
-            self._quiet = self._looked = time.monotonic()
+            if future is not self._futures.get(key):  # it was handed out again since
+                continue
+            self.workforce.ended()
             if future.status in ("finished", "error", "cancelled"):
                 return key, future
             self._await(key, future)
 
-    def _look_for_workers(self) -> None:
-        """Raises ResourceError when all workers have been gone for long: nobody would ever do what is waited for."""
-        now = time.monotonic()
-        if now - self._looked < LOOKED:
+    def _look_after_workers(self) -> None:
+        """Hand jobs out again that nobody would do. Raises ResourceError when nobody has done anything for long."""
+        if not self._futures or not self.workforce.due:
             return
-        self._looked = now
-        # When the scheduler is lost, all futures are cancelled, and that is what the run ends with.
-        with suppress(*LOST):
-            if self.client.scheduler_info(n_workers=-1).get("workers"):
-                self._quiet = now
-        if now - self._quiet > DESERTED:
-            raise ResourceError(
-                "All workers have ended, and none has come back; finished jobs are kept. If nobody ended them, look for memory and "
-                "disk ('orthomill doctor'), then run the same command again."
-            )
+        all_again = self.workforce.look(max(map(self._need, self._orders.values())))
+        # Neither does the scheduler look again when all have gone to whom a job was restricted.
+        stranded = {key for key, some in self._for_some.items() if not self.workforce.there(some)}
+        for key, future in list(self._futures.items()):
+            if future.status == "pending" and (all_again or (key in stranded and self._may_be_done(key))):
+                self._start(self._orders[key])
+
+    def _need(self, order: Order) -> int:
+        """Bytes that a worker must have for a job: one that runs alone is done with the memory of the others."""
+        return min(order.memory, self.memory_limit)
+
+    def _may_be_done(self, key: Key) -> bool:
+        return self.workforce.suited(self._need(self._orders[key])) != [NOBODY]
 
     def close(self) -> None:
         self._waiting.clear()
@@ -166,6 +230,7 @@ class DaskRunner:
             with suppress(*LOST):
                 self.client.cancel(list(self._futures.values()), force=True)
         self._futures.clear()
+        self._orders.clear()
 
 
 def _finished(key: Key, future: Future) -> Finished:

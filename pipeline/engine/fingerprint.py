@@ -20,6 +20,7 @@ import numpy as np
 from pydantic import BaseModel
 
 PACKAGE = "orthomill"
+_PARTS = ("", ".schemas", ".tasks", ".pipeline", ".kernels")
 LIBRARIES = ("numpy", "scipy", "numba", "opencv-python-headless", "rasterio")
 
 
@@ -75,6 +76,22 @@ def of_modules(*names: str) -> str:
     for name in names:
         _collect(name, modules)
     return digest(*(modules[name] for name in sorted(modules)))
+
+
+@cache
+def of_program() -> str:
+    """Digest of all modules of the program, as they are on the disk when it is first asked."""
+    whole = hashlib.sha256()
+    for folder in (Path(place) for name in _PARTS for place in _locations(f"{PACKAGE}{name}")):
+        # Below the package itself its parts may stand as links.
+        for path in sorted(folder.rglob("*.py") if folder.name != PACKAGE else folder.glob("*.py")):
+            whole.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    return whole.hexdigest()[:20]
+
+
+def _locations(package: str) -> list[str]:
+    spec = importlib.util.find_spec(package)
+    return list(spec.submodule_search_locations or ()) if spec else []
 
 
 @cache

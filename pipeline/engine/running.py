@@ -25,6 +25,7 @@ from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_ask
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SchedulerLost, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
+from orthomill.pipeline.engine.worker_terms import shown
 from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
@@ -237,15 +238,15 @@ def _run(session: Session, options: Options, watch: Watch, announce: Callable[[s
 
 
 def _run_once(session: Session, options: Options, watch: Watch, announce: Callable[[str], None]) -> str:
-    with _runner(session.folder, options, announce) as runner, watch(session, runner, options.processes) as watcher:
+    with _runner(session, options, announce) as runner, watch(session, runner, options.processes) as watcher:
         if runner.dashboard:
             announce(f"dashboard: {runner.dashboard}")
         session.run(runner, watcher)
         return runner.description
 
 
-def _runner(folder: Path, options: Options, announce: Callable[[str], None]) -> AbstractContextManager[Runner]:
-    return _sequential(options) if options.sequential else _on_dask(folder, options, announce)
+def _runner(session: Session, options: Options, announce: Callable[[str], None]) -> AbstractContextManager[Runner]:
+    return _sequential(options) if options.sequential else _on_dask(session, options, announce)
 
 
 @contextmanager
@@ -254,23 +255,26 @@ def _sequential(options: Options) -> Iterator[Runner]:
 
 
 @contextmanager
-def _on_dask(folder: Path, options: Options, announce: Callable[[str], None]) -> Iterator[Runner]:
+def _on_dask(session: Session, options: Options, announce: Callable[[str], None]) -> Iterator[Runner]:
     # Dask is imported only here: importing it takes longer than finding out that nothing has changed.
     from orthomill.pipeline.engine.dask_cluster import local_client, remote_client
     from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
 
+    folder = session.folder
     if options.scheduler:
         if options.tls is None:
             announce(UNENCRYPTED.format(options.scheduler))
         place = f"the cluster at {options.scheduler}"
-        client_of = remote_client(options.scheduler, options.memory, options.tls)
+        client_of = remote_client(options.scheduler, options.tls)
     else:
         place = f"{options.processes} processes on this machine"
         client_of = local_client(options.processes, options.memory, options.port)
     address = folder / DASHBOARD
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
-    with only_where_asked(), client_of as client:
-        runner = DaskRunner(client, options.memory, place, options.room)
+    with only_where_asked(), shown(folder, session.mark) as terms, client_of as client:
+        runner = DaskRunner(client, options.memory, place, options.room, terms, announce)
+        if options.scheduler:
+            runner.workforce.muster(terms)
         write_for_the_user_only(address, runner.dashboard)
         try:
             with kept_report(runner, folder / "dask_report.html"):

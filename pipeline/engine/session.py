@@ -89,7 +89,7 @@ class Session:
         self._rotten: set[Key] = set()
         """skipped jobs whose results a reader found damaged, to be done again when all others have ended"""
         # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
-        self._mark = uuid.uuid4().hex
+        self.mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
         self.planner = Planner(self.project, self.stages, self.graph, self.store, self.is_valid, self.list_images)
 
@@ -184,7 +184,7 @@ class Session:
             stop_if_asked()
             # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
-            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self._mark)
+            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self.mark)
             runner.submit(work, planned.dependencies, planned.memory)
         self.pending.clear()
 

@@ -1,6 +1,9 @@
 """How the runner interprets Dask's answers, with a client that gives prepared answers; real workers are in test_engine.py."""
 
 import socket
+from itertools import count
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from distributed import KilledWorker
@@ -8,9 +11,12 @@ from distributed.comm import CommClosedError
 from toy_stages import SIZE, make_size
 
 from orthomill.pipeline.engine import dask_runner as runner_module
-from orthomill.pipeline.engine.dask_cluster import MEMORY, free_port
+from orthomill.pipeline.engine import workforce as workforce_module
+from orthomill.pipeline.engine.dask_cluster import free_port
 from orthomill.pipeline.engine.dask_runner import DaskRunner, execute_sent, kept_report
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder
+from orthomill.pipeline.engine.runner import Finished
+from orthomill.pipeline.engine.worker_terms import Declined
 from orthomill.pipeline.records.records import Fingerprint
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Job
@@ -41,8 +47,8 @@ class Client:
     def __init__(self, **planned: tuple) -> None:
         self.planned, self.submitted, self.cancelled = planned, [], []
 
-    def submit(self, function, job, content, *before, key, **options):
-        self.submitted.append((key, before, options))
+    def submit(self, function, job, content, terms, memory, *before, key, **options):
+        self.submitted.append((key, before, {**options, "memory": memory}))
         status, *error = self.planned.get(job[1], ("finished",))
         return Answer(key, status, error[0](key) if error else None)
 
@@ -82,7 +88,7 @@ def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
     (first, before, options), (second, waits_for, _) = runner.client.submitted
     assert first[:4] == ("a", "one", 0, 0) and second[:4] == ("a", "two", 0, 0) and first[4] == second[4]
     assert before == () and [future.key for future in waits_for] == [first]
-    assert options["resources"] == {MEMORY: 7} and options["pure"] is False
+    assert options["memory"] == 7 and options["workers"] is None and options["pure"] is False
 
 
 def test_two_runs_on_one_cluster_do_not_share_keys(runner_of):
@@ -156,7 +162,7 @@ def test_a_lost_scheduler_is_not_taken_for_a_failed_job(runner_of):
 def test_a_result_that_dask_revokes_is_waited_for_again(runner_of):
     runner = runner_of("one")
     future = runner._futures["a", "one", 0, 0]
-    statuses = iter(["pending", *["finished"] * 3])
+    statuses = iter(["pending", *["finished"] * 4])
     future.__class__ = type("Revoked", (Answer,), {"status": property(lambda self: next(statuses), lambda self, value: None)})
     assert runner.next().status == "done"
 
@@ -189,40 +195,109 @@ def test_a_taken_port_gives_way_to_the_next_free_one():
     assert free_port(70_000) == 0
 
 
-class Deserted(Client):
-    """No job ends, and after so many looks there is no worker any more."""
+class Watched(Client):
+    """No job ends by itself; at each look its workers are as the next description says, and at all later ones as the last."""
 
-    def __init__(self, looks: int) -> None:
+    def __init__(self, *looks: dict[str, dict], given: bool = False) -> None:
         super().__init__()
-        self.looks = looks
+        self.looks, self.given, self.retired = list(looks), given, []
 
     def submit(self, *words, **options):
         ended = super().submit(*words, **options)
-        ended.add_done_callback = lambda call: None
+        ended.add_done_callback, ended.status = lambda call: None, "pending"
         return ended
 
     def scheduler_info(self, n_workers):
-        self.looks -= 1
-        return {"workers": {"one": {}} if self.looks >= 0 else {}}
+        return {"workers": self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]}
+
+    def processing(self, workers):
+        return dict.fromkeys(workers, ("job",) if self.given else ())
+
+    def retire_workers(self, workers, close_workers):
+        self.retired += workers
 
 
-def test_a_cluster_whose_workers_have_all_gone_is_given_up_in_one_sentence(tmp_path, monkeypatch):
-    for limit, seconds in (("PATIENCE", 0.01), ("LOOKED", 0.02), ("DESERTED", 0.1)):
-        monkeypatch.setattr(runner_module, limit, seconds)
-    runner = DaskRunner(client := Deserted(looks=5), 2**30, "a test")
-    runner.submit(
-        JobOrder(Job(stage="a", item="one", function=make_size, reads={}, writes={"size": SIZE}), tmp_path, tmp_path, PRINT, ""),
-        (),
-        7,
-    )
-    with pytest.raises(ResourceError, match="All workers have ended, and none has come back; finished jobs are kept"):
-        runner.next()
-    assert client.looks < 0, "as long as there were workers it waited"
+@pytest.fixture
+def waiting_for(tmp_path, monkeypatch):
+    """Waits for a job of so many bytes with a client; returns what is said until the run is given up, and why it is."""
+    monkeypatch.setattr(runner_module, "PATIENCE", 0.001)
+    clock = count(0, 5)  # five seconds later whenever it is asked
+    monkeypatch.setattr(workforce_module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+
+    def wait(client: Watched, memory: int = 7) -> tuple[list[str], str]:
+        said: list[str] = []
+        runner = DaskRunner(client, 2**30, "a test", say=said.append)
+        job = Job(stage="a", item="one", function=make_size, reads={}, writes={"size": SIZE})
+        runner.submit(JobOrder(job, tmp_path, tmp_path, PRINT, ""), (), memory)
+        with pytest.raises(ResourceError) as given_up:
+            runner.next()
+        return said, str(given_up.value)
+
+    return wait
+
+
+RUNNING = {"status": "running", "memory_limit": 2**30}
+
+
+@pytest.mark.parametrize(
+    ("client", "memory", "why"),
+    [
+        (Watched({}), 7, "there is none"),
+        (Watched({"one": RUNNING}, {"one": RUNNING}, {}), 7, "there is none"),
+        (Watched({"one": {**RUNNING, "status": "paused"}}), 7, "all workers are paused, perhaps because their memory is full"),
+        (Watched({"one": RUNNING}), 2**30, "the scheduler gives 1 of them no job"),
+        (Watched({"one": {**RUNNING, "memory_limit": 2**29}}), 2**30, "a job needs 1024 MiB, and the largest worker has 512 MiB"),
+    ],
+)
+def test_a_cluster_where_nobody_does_anything_is_told_and_then_given_up(waiting_for, client, memory, why):
+    said, given_up = waiting_for(client, memory)
+    assert len(said) == 1 and f"No worker does anything: {why}" in said[0] and "this run waits" in said[0]
+    assert f": {why}" in given_up and "finished jobs are kept" in given_up
+
+
+@pytest.mark.parametrize("look", [{"one": {**RUNNING, "metrics": {"task_counts": {"executing": 1}}}}, {"one": RUNNING}])
+def test_workers_that_compute_are_waited_for(waiting_for, look):
+    client = Watched(*[look] * 100, {}, given=True)
+    said, _ = waiting_for(client)
+    assert client.looks == [{}] and len(said) == 1 and "there is none" in said[0], "given up only after they had gone"
+
+
+def test_jobs_are_handed_out_again_when_the_workers_with_memory_for_them_have_gone(waiting_for):
+    small, large = {**RUNNING, "memory_limit": 2**20}, {**RUNNING, "memory_limit": 2**30}
+    client = Watched({"one": small, "two": large}, {"one": small}, {"one": small, "three": large}, {})
+    waiting_for(client, 2**30)
+    assert [options["workers"] for _, _, options in client.submitted] == [None, ["three"], None]
+
+
+def declined(worker: str, why: str, room: float = 0.0):
+    return "error", lambda key: Declined(worker, why, room)
+
+
+def test_a_worker_that_may_do_no_job_is_named_once_and_its_job_goes_to_another(runner_of):
+    runner = runner_of(one=declined("tcp://two:2", "has 4 threads"))
+    said, away = [], []
+    runner.workforce._say, runner.client.retire_workers = said.append, lambda workers, close_workers: away.extend(workers)
+    for number in range(2):
+        runner.client.planned["one"] = declined("tcp://two:2", "has 4 threads")
+        job = Job(stage="a", item="one", row=number, function=make_size, reads={}, writes={"size": SIZE})
+        runner.submit(JobOrder(job, Path(), Path(), PRINT, ""), (), 7)
+        runner.client.planned.clear()
+        assert runner.next() == Finished(job.key, "done")
+    assert said == ["The worker tcp://two:2 has 4 threads. It gets no jobs."] and away == ["tcp://two:2"]
+
+
+def test_a_worker_with_too_little_memory_gets_the_smaller_jobs(runner_of):
+    runner = runner_of("one", one=declined("tcp://two:2", "", 6.0))
+    runner.workforce.has_only("tcp://one:1", 8.0)
+    runner.client.planned.clear()
+    assert runner.next().status == "done"
+    assert [options["workers"] for _, _, options in runner.client.submitted] == [None, ["tcp://one:1"]]
+    assert runner.workforce.suited(6) is None
 
 
 def test_a_job_that_its_worker_cannot_load_fails_with_the_reason():
     with pytest.raises(JobFailed) as failure:
-        execute_sent(("a", "one", 0, 0), b"corthomill.schemas.job\nNoSuchJob\n.")
+        execute_sent(("a", "one", 0, 0), b"corthomill.schemas.job\nNoSuchJob\n.", None, 7)
     assert failure.value.key == ("a", "one", 0, 0)
     assert failure.value.sentence.startswith("its worker cannot load it (AttributeError: ")
     assert failure.value.sentence.endswith("if the program was changed meanwhile, run again")

@@ -1,0 +1,135 @@
+"""The workers of a Dask cluster while a run lasts: who may take a job, who may not, and what is said when nobody does anything.
+
+Workers come and go: they join late, reach their walltime, are killed and started again, on machines of other sizes. Nothing is
+declared to the scheduler, which would have to be repeated for each of them; a worker that fulfils the terms gets jobs as soon as it
+is there. One that does not is named and sent away. A job that needs more memory than some workers have is given to the others only.
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from typing import Any
+
+from orthomill.pipeline.engine.dask_cluster import LOST, objections
+from orthomill.pipeline.engine.worker_terms import Terms
+from orthomill.schemas.errors import ResourceError
+
+MIB = 2**20
+LOOKED = 10.0
+"""seconds after which it is looked again what the workers do"""
+TOLD = 30.0
+"""seconds without anybody at work after which that is said"""
+DESERTED = 300.0
+"""seconds without anybody at work after which the run is given up; on an overloaded machine a new worker takes minutes to start"""
+NOBODY = "tcp://0.0.0.0:1"
+"""address of no worker: a job that no worker has the memory for waits, and is handed out again when one has joined"""
+_NO_WORKER = "there is none"
+
+
+class Workforce:
+    """What is known of the workers of a `client`; `say` tells the user a sentence."""
+
+    def __init__(self, client: Any, say: Callable[[str], None] = lambda line: None) -> None:
+        self._client, self._say = client, say
+        self._room: dict[str, float] = {}
+        """bytes of every worker that was there at the last look"""
+        self._dismissed: set[str] = set()
+        self._at_work = self._looked = time.monotonic()
+        self._told = False
+
+    def suited(self, memory: int) -> list[str] | None:
+        """The workers that have so many bytes; None where all have, and those that join later are welcome."""
+        if all(room >= memory for room in self._room.values()):
+            return None
+        return [address for address, room in self._room.items() if room >= memory] or [NOBODY]
+
+    def there(self, addresses: Iterable[str]) -> bool:
+        """Whether any of these workers was there at the last look."""
+        return not self._room.keys().isdisjoint(addresses)
+
+    def has_only(self, address: str, room: float) -> None:
+        """A worker told how many bytes it has."""
+        self._room[address] = room
+
+    def muster(self, terms: Terms) -> None:
+        """Ask the workers that are there before the first job. Raises ResourceError where none of them may do any."""
+        workers = self._update()
+        if not workers:
+            return self._say(f"The cluster has no workers yet; this run waits {DESERTED / 60:.0f} minutes for those that join.")
+        unfit = objections(self._client, terms)
+        if unfit and len(unfit) >= len(workers):
+            worker, why = next(iter(unfit.items()))
+            others = f" The other {len(unfit) - 1} may do no job either." if len(unfit) > 1 else ""
+            raise ResourceError(f"The worker {worker} {why}.{others}")
+        for worker, why in unfit.items():
+            self.dismiss(worker, why)
+
+    def dismiss(self, address: str, why: str) -> None:
+        """Name a worker that may do no job, and send it away: its scheduler would give it one after the other."""
+        if address in self._dismissed:
+            return
+        self._dismissed.add(address)
+        self._room.pop(address, None)
+        self._say(f"The worker {address} {why}. It gets no jobs.")
+        with suppress(*LOST):
+            self._client.retire_workers(workers=[address], close_workers=True)
+
+    def ended(self) -> None:
+        """A job has ended: somebody is at work."""
+        self._at_work, self._told = time.monotonic(), False
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time to look again."""
+        return time.monotonic() - self._looked >= LOOKED
+
+    def look(self, needed: int) -> bool:
+        """While jobs are waited for, of which the largest needs so many bytes: whether all of them should be handed out again.
+
+        Raises ResourceError when nobody has been at work for very long: what is waited for would never be done.
+        """
+        now = time.monotonic()
+        self._looked = now
+        state: str | None = _NO_WORKER
+        # When the scheduler is lost, all futures are cancelled, and that is what the run ends with.
+        with suppress(*LOST):
+            workers = self._update()
+            if now - self._at_work > LOOKED and (state := self._idle(workers, needed)) is None:
+                self.ended()
+        idle = now - self._at_work
+        if idle > DESERTED:
+            raise ResourceError(
+                f"No worker has done anything for {DESERTED / 60:.0f} minutes: {state}; finished jobs are kept. If nobody ended "
+                "them, look for memory and disk ('orthomill doctor'), then run the same command again."
+            )
+        if idle > TOLD and not self._told:
+            self._told = True
+            minutes = f"{(DESERTED - idle) / 60:.0f} minutes"
+            self._say(f"No worker does anything: {state}. Finished jobs are kept, and this run waits {minutes} for others.")
+            return bool(self._room)
+        return False
+
+    def _update(self) -> dict[str, Any]:
+        """What the scheduler knows of the workers that may take jobs, by address."""
+        known = self._client.scheduler_info(n_workers=-1).get("workers", {})
+        workers = {address: about for address, about in known.items() if address not in self._dismissed}
+        # Dask counts no limit as 0.
+        self._room = {address: about.get("memory_limit") or float("inf") for address, about in workers.items()}
+        return workers
+
+    def _idle(self, workers: dict[str, Any], needed: int) -> str | None:
+        """Why nobody does anything, None where somebody does."""
+        if not workers:
+            return _NO_WORKER
+        if any(about.get("metrics", {}).get("task_counts", {}).get("executing") for about in workers.values()):
+            return None
+        running = [address for address, about in workers.items() if about.get("status", "running") == "running"]
+        if not running:
+            return "all workers are paused, perhaps because their memory is full"
+        # A worker that computes may be too busy to report it; it has been given a job, and is not paused.
+        if any(self._client.processing(workers=running).values()):
+            return None
+        largest = max(self._room.values())
+        if largest < needed:
+            return f"a job needs {needed / MIB:.0f} MiB, and the largest worker has {largest / MIB:.0f} MiB; start larger ones"
+        return f"the scheduler gives {len(running)} of them no job"
