@@ -9,6 +9,8 @@ from orthomill.tasks.evaluation.stage import EvaluationStage
 from orthomill.tasks.flight_outlook import look_ahead
 from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
+from orthomill.tasks.marking.given_points import given_points, marks_of
+from orthomill.tasks.marking.marker import marker_of
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 from orthomill.tasks.orientation.stage import OrientationStage
 from orthomill.tasks.photos.stage import PhotosStage
@@ -18,7 +20,18 @@ from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.texture.stage import TextureStage
 from orthomill.tasks.tie_points.stage import TiePointsStage
 
-__all__ = ["STAGES", "classical_forms", "look_ahead", "points_on_surface", "share_of", "sizing_of", "window_size_map"]
+__all__ = [
+    "STAGES",
+    "classical_forms",
+    "given_points",
+    "look_ahead",
+    "marker_of",
+    "marks_of",
+    "points_on_surface",
+    "share_of",
+    "sizing_of",
+    "window_size_map",
+]
 
 STAGES: tuple[type[Stage], ...] = (
     SimulationStage,

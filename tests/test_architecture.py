@@ -236,6 +236,7 @@ PIPELINE_ROOMS = (
     "forecast",
     "watching",
     "report",
+    "serving",
     "cli",
 )  # from the ground up
 

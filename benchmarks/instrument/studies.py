@@ -10,6 +10,7 @@ SURFACE = ("tasks/epipolar", "tasks/densification", "tasks/matching", "tasks/geo
 CHECK = ("tasks/dsm_check", "tasks/matching", "tasks/geometry")
 SOLID = ("tasks/projection", "tasks/visibility", "tasks/imagery", "tasks/geometry")
 WATCHING = ("pipeline/watching", "pipeline/forecast")
+MARKING = ("tasks/marking", "tasks/adjustment", "tasks/geometry")
 SHARED = "the shared data (ORTHOMILL_DATA)"
 RUN = "a finished run"
 
@@ -250,6 +251,15 @@ _ALL = (
         "vertical line locus beside its published study",
         "minutes",
         ("tasks/matching/line_locus", "tasks/densification/line_locus"),
+    ),
+    # marks in photographs
+    Study(
+        "planted_marks",
+        "marking.planted_marks",
+        "whether a wrong mark is named, and how soon",
+        "seconds",
+        MARKING,
+        words="[CASES PHOTOGRAPHS]",
     ),
     # checks of surfaces
     Study(

@@ -13,6 +13,7 @@ import typer
 
 from orthomill import __version__
 from orthomill.pipeline.cli.commands.lookup_commands import lookups
+from orthomill.pipeline.cli.commands.mark_commands import marking
 from orthomill.pipeline.cli.commands.product_commands import products
 from orthomill.pipeline.cli.commands.run_commands import running
 from orthomill.pipeline.cli.commands.start_commands import starting
@@ -24,7 +25,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for group in (running, state, products, lookups, starting):
+for group in (running, marking, state, products, lookups, starting):
     app.add_typer(group)
 
 

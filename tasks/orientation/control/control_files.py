@@ -68,6 +68,18 @@ def read_control(
     return control.model_copy(update={"read": _as_read(surveyed, marked, control, corner, (points, measurements or ""))})
 
 
+def read_points(photos: Photos, points: str, stated: StatedControl = NOTHING_STATED) -> Control:
+    """Points of a text as in `read_control`, which need not be measured in any photograph yet. Raises WorkflowError that lists
+    every mistake."""
+    mistakes: list[str] = []
+    surveyed, _ = _points_in(photos, points, stated, mistakes)
+    known = _points(surveyed, stated, mistakes) if surveyed.rows else {}
+    if mistakes or not known:
+        raise WorkflowError(first_of(mistakes) or "The file holds no points; it needs a name and coordinates on each line.")
+    control = Control(points=tuple(known.values()))
+    return control.model_copy(update={"read": _as_read(surveyed, Rows("", ()), control, False, (points, ""))})
+
+
 def _both(photos: Photos, points: str, measurements: str | None, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows]:
     """The rows of points and measurements; a file may hold both."""
     surveyed, marked = _points_in(photos, points, stated, mistakes)

@@ -32,7 +32,7 @@ from orthomill.tasks.geometry.survey_system import (
 )
 from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.control_datum import datum_apart
-from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control
+from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control, read_points
 from orthomill.tasks.orientation.control.control_heights import about_feet, at_the_heights_of_positions, with_free_heights
 from orthomill.tasks.orientation.control.control_rows import StatedControl
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
@@ -66,6 +66,13 @@ def control_from_files(
     )
     named = own or (found.read.crs if found.read else "") or None
     return _in_project(_with(found, of_originals), photos, named, crs)
+
+
+def points_from_file(photos: Photos, text: str, own: str | None, crs: str) -> Control:
+    """Points of a file in the project's system `crs`, as in `control_from_files`, that are measured nowhere yet. Raises
+    WorkflowError."""
+    found = read_points(photos, text)
+    return _in_project(found, photos, own or (found.read.crs if found.read else "") or None, crs)
 
 
 def stated_of(source: ControlFromFiles | None) -> StatedControl:

@@ -1,0 +1,1 @@
+"""What marks in photographs are worth: wrong ones planted, targets drawn, time of an answer."""

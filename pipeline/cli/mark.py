@@ -1,0 +1,108 @@
+"""The marking page of a project: what its run has left so far, the marks that are kept, and the server that shows both."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
+from orthomill.pipeline.serving.marking.marking_session import KnowsTheBlock, MarkingSession
+from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
+from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
+from orthomill.pipeline.storage.store import Store
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
+from orthomill.schemas.camera import CAMERAS
+from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.job import Table
+from orthomill.schemas.marks import Marks
+from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, Photos
+
+GivenPoints = Callable[[Photos, str, str | None, str], Marks]
+_TABLES: dict[str, Table[Any]] = {"block": BLOCK, "tie_points": TIE_POINTS, "residuals": IMAGE_RESIDUALS, "ground": GROUND_POINTS}
+
+
+@dataclass(frozen=True)
+class Marking:
+    """What the catalogue knows of marking: a marker by the tables of a run (keywords), points of a text, and control as marks."""
+
+    marker: Callable[..., KnowsTheBlock]
+    given_points: GivenPoints
+    marks_of: Callable[[Control], Marks]
+
+
+def marks_folder(loaded: LoadedWorkflow) -> Path:
+    """Where the marks of a project are kept: with its sources, for no run can make them again."""
+    return loaded.root / "marks" / loaded.project.project
+
+
+@contextmanager
+def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | None, crs: str | None) -> Iterator[MarkingSession]:
+    """The marks of a project with the block that judges them, held against other processes until the context ends. Raises
+    StoreError before the photographs are prepared, ResourceError where another process has them."""
+    store = Store(loaded.run_folder)
+    name = loaded.project.project
+    if not (store.has_table(PHOTOS) and store.has_table(CAMERAS)):
+        raise StoreError(f"{name} has no photographs prepared yet; run it first: orthomill run {name} --until calibration")
+    photos = store.table(PHOTOS)
+    tables: dict[str, Any] = {key: store.table(table) for key, table in _TABLES.items() if store.has_table(table)}
+    with _held(marks_folder(loaded), name):
+        sizes = {photo.name: (photo.width, photo.height) for photo in photos.photos}
+        ledger = MarkLedger(marks_folder(loaded), loaded.project.crs, sizes)
+        if ledger.is_new and store.has_table(CONTROL) and (control := store.table(CONTROL)).points:
+            ledger.replace(marking.marks_of(control))
+        if points is not None:
+            ledger.replace(with_points(ledger.marks, marking.given_points(photos, *_read(points, crs), loaded.project.crs)))
+        known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
+        yield MarkingSession(name, ledger, PhotographCrops(store, photos), known)
+
+
+@contextmanager
+def _held(folder: Path, name: str) -> Iterator[None]:
+    """The folder of marks for one process."""
+    holder = only_run(folder)
+    try:
+        holder.__enter__()
+    except ResourceError as error:
+        if "already running" not in str(error):
+            raise
+        raise ResourceError(
+            f"The marks of {name} are open in another process; use its page (several browsers may share it), or end it first."
+        ) from None
+    try:
+        yield
+    finally:
+        holder.__exit__(None, None, None)
+
+
+def with_points(marks: Marks, given: Marks) -> Marks:
+    """Marks with points of a list: new ones are added, known ones get the coordinates of the list and keep their marks and role."""
+    known = {point.name: point for point in given.points}
+    kept = tuple(
+        point.model_copy(update={"xyz": known[point.name].xyz, "sigma": known[point.name].sigma}) if point.name in known else point
+        for point in marks.points
+    )
+    here = {point.name for point in kept}
+    return marks.model_copy(update={"points": (*kept, *(point for point in given.points if point.name not in here))})
+
+
+def _read(path: Path, crs: str | None) -> tuple[str, str | None]:
+    """The text of a list of points, and its reference system."""
+    if not path.is_file():
+        raise WorkflowError(f"There is no file {path}; give a CSV, a GeoPackage, or what a surveyor's program wrote.")
+    if path.suffix.lower() == SUFFIX:
+        text, own = points_csv(path)
+        return text, crs or own
+    try:
+        return path.read_text(encoding="utf-8-sig"), crs
+    except UnicodeDecodeError:
+        return path.read_text(encoding="cp1252"), crs
+
+
+def _heights(marks: Marks) -> float | None:
+    """The height of the ground by the points that have one, m."""
+    known = sorted(point.xyz[2] for point in marks.points if point.xyz is not None)
+    return known[len(known) // 2] if known else None
