@@ -190,6 +190,18 @@ def test_behind_its_doors_every_stage_is_the_same():
         nobody(relative(path) for path in (*rooms, *doors["report"]) if "Job(" in path.read_text())
 
 
+def test_no_stage_reports_without_a_verdict():
+    """Silence is not a verdict: a report is made with one, and what is added to a report keeps it."""
+    made = [
+        (path.relative_to(ROOT).as_posix(), call)
+        for path in modules("tasks")
+        if "StageReport(" in path.read_text()
+        for call in ast.walk(ast.parse(path.read_text()))
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "StageReport"
+    ]
+    assert len(made) > 10 and [file for file, call in made if "verdict" not in [word.arg for word in call.keywords]] == []
+
+
 def test_names_say_what_is_inside():
     nobody(relative(path) for path in modules("schemas", "tasks", "pipeline") if path.stem in FORBIDDEN_NAMES)
 

@@ -86,10 +86,11 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
     """The first page of a run in `folder`; `stages` are all of the workflow, in its order."""
     cautions = tuple(sorted(_cautions(reports, stages), key=lambda caution: ("doubt", "loss", "note").index(caution.cost)))
     reasons = tuple(_reasons(reports, stages))
-    level = _level(reasons, cautions, stages, run)
+    silent = tuple(title for kind, title in stages if run.stage(kind).jobs and not _judged(kind, reports))
+    level = _level(reasons, cautions, stages, run, silent)
     return FirstPage(
         level=level,
-        headline=f"{WORDS[level]}: {_state(level, cautions, stages, run)}",
+        headline=f"{WORDS[level]}: {_state(level, cautions, stages, run, silent)}",
         reasons=reasons,
         cautions=cautions,
         answers=tuple(_answers(reports, stages, run)),
@@ -130,7 +131,17 @@ def counted(count: int, one: str, many: str) -> str:
     return f"{numbers.number_text(count)} {one if count == 1 else many}" if count else ""
 
 
-def _level(reasons: tuple[Reason, ...], cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts) -> Level:
+def _judged(kind: str, reports: Reports) -> bool:
+    return kind in reports and reports[kind].verdict is not None
+
+
+def _level(
+    reasons: tuple[Reason, ...],
+    cautions: tuple[Caution, ...],
+    stages: tuple[StageTitle, ...],
+    run: RunFacts,
+    silent: tuple[str, ...],
+) -> Level:
     if not run.complete:
         return "open"
     if not_asked_for(stages, run):
@@ -140,15 +151,21 @@ def _level(reasons: tuple[Reason, ...], cautions: tuple[Caution, ...], stages: t
     if not reasons:
         return "unjudged"
     worst = max(SEVERITY.index(reason.level) for reason in reasons)
-    return ("good", "fair", "poor")[worst]
+    # Silence is not a verdict: what nobody has judged may be anything.
+    return "unjudged" if silent and worst == 0 else ("good", "fair", "poor")[worst]
 
 
-def _state(level: Level, cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts) -> str:
+def _state(
+    level: Level, cautions: tuple[Caution, ...], stages: tuple[StageTitle, ...], run: RunFacts, silent: tuple[str, ...]
+) -> str:
     """What follows the first word of the verdict."""
     doubts, losses = (sum(caution.cost == cost for caution in cautions) for cost in ("doubt", "loss"))
     look = f"{counted(doubts, 'finding', 'findings')} must be looked at before any result is used."
-    if level in ("open", "unjudged"):
+    if level == "open":
         return job_count(run)
+    if level == "unjudged":
+        unsaid = f"; nothing says how good these results are: {', '.join(silent)}." if silent else "."
+        return f"{job_count(run)[:-1]}{unsaid}"
     if level == "partial":
         # Lower case in the middle of a sentence, but not for abbreviations.
         missing = (title if title[1:2].isupper() else title[:1].lower() + title[1:] for title in not_asked_for(stages, run))

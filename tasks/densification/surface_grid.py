@@ -64,6 +64,11 @@ def ground_pixel(pair: EpipolarPair) -> float:
     return pair.base / ((pair.parallax_low + pair.parallax_high) / 2)
 
 
+def parallax_height(pair: EpipolarPair) -> float:
+    """Height that one pixel of parallax stands for on the mean ground, m (Karfis 2009, 1.17: dZ/dp = B c / p^2)."""
+    return pair.base * pair.c / ((pair.parallax_low + pair.parallax_high) / 2) ** 2
+
+
 def window_cells(side: int, pairs: tuple[EpipolarPair, ...], surface: Surface) -> float:
     """Side of windows of so many pixels of the epipolar images, in cells of the surface: of the median pair.
 

@@ -5,9 +5,11 @@ import pytest
 from village_pair import LEVEL_GRID, level_pair
 
 from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Provenance, Surface
+from orthomill.tasks.densification.line_locus.locus_block import CORRELATION_CLASSES, LineStatistics
 from orthomill.tasks.densification.matching_block import (
     PRECISION_EDGES,
     MatchingStatistics,
@@ -17,7 +19,9 @@ from orthomill.tasks.densification.matching_block import (
 )
 from orthomill.tasks.densification.plan.densification_jobs import surface_rules
 from orthomill.tasks.densification.precision.class_medians import median_of
+from orthomill.tasks.densification.precision.tie_points import DISTANCES, TieCounts, around, tie_counts
 from orthomill.tasks.densification.report.densification_report import completeness, report, y_parallax
+from orthomill.tasks.densification.report.line_report import line_report
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
 from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
@@ -43,10 +47,17 @@ def cells(empty=10, one=50, agreed=30, disputed=2, filled=3, volume=4, incoheren
 EMPTY = cells(100, 0, 0, 0, 0, 0, 0)
 
 
-def reported(parts=None, surface=None, names=("a-b", "b-c")):
+def ties(contradicting=2, off=1, points=100) -> TieCounts:
+    """Tie points of which `off` lie more than a pixel of parallax, worth 40 m here, off the surface."""
+    distances = [0] * DISTANCES
+    distances[0], distances[4] = points - off, off
+    return TieCounts(points=points, contradicting=contradicting, distances=tuple(distances), width=10.0)
+
+
+def reported(parts=None, surface=None, names=("a-b", "b-c"), tied=None):
     parts = (matching(), matching(900, 100)) if parts is None else parts
     pairs = EpipolarPairs(pairs=tuple(level_pair(name) for name in names[: len(parts)]))
-    return report(pairs, SURFACE, parts, surface or cells())
+    return report(pairs, SURFACE, parts, surface or cells(), tied or ties())
 
 
 def figures(found) -> dict:
@@ -193,6 +204,60 @@ def test_the_settings_of_a_stage_reach_its_tiles():
 def test_the_verdict_is_the_share_of_measured_heights(surface, level, words):
     verdict = reported(surface=surface).verdict
     assert verdict.level == level and verdict.weighs and words in verdict.sentence
+
+
+@pytest.mark.parametrize(
+    ("tied", "level"),
+    [
+        (ties(2, 1), "good"),
+        (ties(15, 1), "fair"),
+        (ties(0, 15), "fair"),
+        (ties(40, 1), "poor"),
+        (ties(1, 25), "poor"),
+        (ties(9, 1, points=10), "good"),
+    ],
+)
+def test_tie_points_off_the_surface_decide_its_verdict(tied, level):
+    found = reported(tied=tied)
+    told = [sentence for sentence in found.losses if "tie points lie off the surface" in sentence]
+    assert found.verdict.level == level and len(told) == (level != "good")
+    assert (told == list(found.doubts)) is (level != "fair"), "what is in doubt is a doubt"
+
+
+def test_heights_that_are_stated_to_be_coarse_are_no_good_surface():
+    coarse = TieCounts(points=100, distances=(100, *[0] * (DISTANCES - 1)), width=0.01)
+    found = reported(tied=coarse)
+    assert found.verdict.level == "fair" and "a pixel of parallax is worth 0.04 m" in found.losses[0] and not found.doubts
+
+
+def test_a_surface_from_lines_is_judged_like_any_other():
+    outcomes = [0] * len(Outcome)
+    outcomes[Outcome.CONVERGED], outcomes[Outcome.LOW_CORRELATION] = 60, 40
+    classes = (0, 0, 60, *[0] * (CORRELATION_CLASSES - 3))
+    found = line_report(SURFACE, LineStatistics(outcomes=tuple(outcomes), accepted=classes, limits=classes), cells(), ties(40))
+    assert found.verdict.level == "poor" and found.answers == reported().answers
+    assert {product.path for product in found.products} > {product.path for product in reported().products}
+    assert all(words in " ".join(found.losses) for words in ("Only 60 %", "a correlation of 0.12", "40 % of the 100 tie points"))
+
+
+def test_tie_points_are_compared_with_the_heights_of_their_own_cells():
+    grid = MapGrid(west=0.0, north=8.0, cell=1.0, rows=8, cols=8)
+    height = np.zeros((8, 8), np.float32)
+    height[:, 5:] = 4.0
+    code = np.full((8, 8), Provenance.AGREED, np.uint8)
+    code[0] = Provenance.INTERPOLATED
+    # On the ground, 2 m above it, on the wall between both heights, and on a height that is an estimate.
+    x, z = np.array([1.5, 2.5, 4.5, 1.5]), np.array([0.1, 2.0, 3.0, 9.0])
+    y, none = np.array([4.5, 4.5, 4.5, 7.5]), np.zeros(4, np.float32)
+    points = GroundPoints(np.arange(4), x, y, z, none, none, none + 0.3, np.full(4, 2, np.int16), none)
+    windows = tuple(Window(row, col, 4, 4) for row in (0, 4) for col in (0, 4))
+
+    def read(raster):
+        return (raster[around(window, grid.shape).slices] for window in windows)
+
+    found = tie_counts(points, read(height), read(np.full((8, 8), 0.4, np.float32)), read(code), grid, windows, 0.5)
+    assert (found.points, found.contradicting) == (3, 1)
+    assert found.distances[0] == 2 and found.distances[4] == 1
 
 
 def test_a_client_is_told_the_area_and_how_much_of_it_is_measured():

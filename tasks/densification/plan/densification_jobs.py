@@ -19,7 +19,7 @@ from orthomill.tasks.densification.plan.line_jobs import LINE_NODES, LINE_OUTCOM
 from orthomill.tasks.densification.plan.near_model_jobs import model_plan
 from orthomill.tasks.densification.plan.pair_jobs import matching_table, pair_plan
 from orthomill.tasks.densification.plan.strategy_jobs import strategy_plan
-from orthomill.tasks.densification.plan.surface_jobs import CELLS, SurfacePlan, SurfaceSource
+from orthomill.tasks.densification.plan.surface_jobs import CELLS, TIES, SurfacePlan, SurfaceSource
 from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT, JUDGEMENT, volume_plan
 from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.report.guided_report import guided_report
@@ -117,7 +117,7 @@ def _lines(asked: DensificationStage, view: ProjectView, surface: Surface, match
         reads_nodes=False,
     )
     yield from _tiles(asked, view).jobs(source, view.table(PAIRS).pairs)
-    reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS}
+    reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS, "ties": TIES}
     yield Job(stage=asked.kind, item="report", function=line_report, reads=reads, writes={"report": report_table(asked.kind)})
 
 
@@ -142,4 +142,4 @@ def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...])
 def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:
     """What the report of surfaces from pairs reads."""
     statistics = tuple(matching_table(pair.name) for pair in pairs)
-    return {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS}
+    return {"pairs": PAIRS, "surface": SURFACE, "matching": statistics, "cells": CELLS, "ties": TIES}

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.job import Export, Job, Raster, Reading, Stream, Table
+from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.surface import (
     COUNT,
@@ -19,6 +21,8 @@ from orthomill.schemas.surface import (
 )
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster
 from orthomill.tasks.densification.points import points_bytes
+from orthomill.tasks.densification.precision.tie_points import TieCounts, around, tie_counts
+from orthomill.tasks.densification.surface_grid import parallax_height
 from orthomill.tasks.densification.surface_tile import (
     PairPiece,
     SurfaceRules,
@@ -30,6 +34,7 @@ from orthomill.tasks.densification.surface_tile import (
 from orthomill.tasks.geometry.epipolar_window import box_corners, node_window
 
 CELLS = Table("densification/cells.json", SurfaceStatistics)
+TIES = Table("densification/tie_points.json", TieCounts)
 _HEIGHTS = {"height": HEIGHT, "precision": PRECISION, "relative": RELATIVE_PRECISION, "datum": DATUM_PRECISION}
 """float rasters of the surface, by the name of the band"""
 
@@ -75,9 +80,27 @@ class SurfacePlan:
             tables.append(Table(f"densification/cells/{tile.row}-{tile.col}.json", SurfaceStatistics))
             yield self._tile(source, pairs, tile, tables[-1])
         yield Job(stage=self.stage, item="cells", function=sum_surface, reads={"parts": tuple(tables)}, writes={"sum": CELLS})
+        yield self._ties(source.surface, pairs)
         yield Export(self.stage, "dsm", "products/dsm.tif", "cog", rasters=_HEIGHTS)
         yield Export(
             self.stage, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
+        )
+
+    def _ties(self, surface: Surface, pairs: tuple[EpipolarPair, ...]) -> Job:
+        """The tie points against the finished surface, whatever it was made from."""
+        windows = tuple(tile.window for tile in tiles_of(surface.grid.shape, self.tile))
+        read = [around(window, surface.grid.shape) for window in windows]
+        rasters = {"height": HEIGHT, "relative": RELATIVE_PRECISION, "provenance": PROVENANCE}
+        return Job(
+            stage=self.stage,
+            item="tie-points",
+            function=tie_counts,
+            reads={
+                "points": GROUND_POINTS,
+                **{key: Stream(tuple(Raster(name, window) for window in read)) for key, name in rasters.items()},
+            },
+            writes={"counts": TIES},
+            params={"grid": surface.grid, "windows": windows, "width": 0.25 * median(map(parallax_height, pairs))},
         )
 
     def _tile(self, source: SurfaceSource, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:

@@ -29,6 +29,11 @@ def median_correlation(counts: tuple[int, ...]) -> float | None:
     return median_of(counts, np.linspace(0.0, 1.0, CORRELATION_CLASSES + 1))
 
 
+def median_tie_distance(counts: tuple[int, ...], width: float) -> float | None:
+    """Median distance of the tie points from the surface, m; width: of a class, m."""
+    return median_of(counts, np.arange(len(counts) + 1) * width)
+
+
 def height_error_middles(cell: float) -> tuple[float, ...]:
     """Middles of the classes of standard errors of heights, m."""
     edges = _cell_edges(cell)

@@ -6,61 +6,42 @@ from statistics import median
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Product, StageReport
+from orthomill.schemas.stage_report import Chart, Grid, StageReport
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
 from orthomill.tasks.densification.precision.class_medians import median_parallax_error
-from orthomill.tasks.densification.report.surface_words import (
-    HEADLINES,
-    LABELS,
-    SURFACE_FIGURES,
-    precision_chart,
-    provenance_grid,
-    rounded,
-    share,
-    surface_answers,
-    surface_doubts,
-    surface_pictures,
-    surface_values,
-    surface_verdict,
-    surface_warnings,
-)
-from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.precision.tie_points import TieCounts
+from orthomill.tasks.densification.report.surface_report import figures_of, rounded, share, surface_report
+from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""
 Y_PARALLAX_LIMIT = 0.5
 """px; beyond it matching along rows starts to lose points and heights of edges across the base become biased"""
-_PRODUCTS = (
-    Product(
-        path="products/dsm.tif", purpose="Surface model: heights with their standard errors", main=True, classed=("plan", "height")
-    ),
-    Product(path="products/dsm_provenance.tif", purpose="Where each height comes from: measured or estimated"),
+_FIGURES = (
+    ("pairs", "", "Pairs of photographs that were matched densely."),
+    ("nodes", "", "Nodes inside the photographs, over all pairs."),
+    ("nodes_matched", "", "Nodes matched by least squares."),
+    ("completeness_nodes", "", "Share of the nodes that were matched."),
+    ("parallax_precision_median", "px", "Median standard error of a parallax, from matching alone."),
 )
+"""name, unit and meaning of what pairs add to the figures of the surface"""
 
 
 def report(
-    pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics
+    pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics, ties: TieCounts
 ) -> StageReport:
-    """Figures, tables, charts, pictures and warnings; `matching` in the order of the pairs."""
-    values = _matching_values(pairs, matching) | surface_values(surface, cells)
-    return StageReport(
-        verdict=surface_verdict(cells, surface),
-        answers=tuple(surface_answers(cells, surface)),
-        products=_PRODUCTS,
-        doubts=tuple(surface_doubts(cells)),
-        losses=(*surface_warnings(cells), *_matching_warnings(pairs, matching)),
-        figures=tuple(
-            Figure(
-                name=name, label=LABELS.get(name, ""), value=values[name], unit=unit, sentence=sentence, headline=name in HEADLINES
-            )
-            for name, unit, sentence in SURFACE_FIGURES
-        ),
-        grids=(_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), provenance_grid(cells)),
-        charts=(_parallax_chart(matching), precision_chart(surface, cells)),
-        pictures=surface_pictures(),
-        warnings=(*_matching_warnings(pairs, matching), *surface_warnings(cells)),
+    """The report of a surface from pairs; `matching` in the order of the pairs."""
+    whole, warnings = surface_report(surface, cells, ties), tuple(_matching_warnings(pairs, matching))
+    return whole.model_copy(
+        update={
+            "losses": (*whole.losses, *warnings),
+            "figures": (*figures_of(_FIGURES, _matching_values(pairs, matching)), *whole.figures),
+            "grids": (_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), *whole.grids),
+            "charts": (_parallax_chart(matching), *whole.charts),
+            "warnings": (*warnings, *whole.warnings),
+        }
     )
 
 
@@ -95,14 +76,12 @@ def _matching_values(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, .
 
 def _pair_row(pair: EpipolarPair, statistics: MatchingStatistics) -> tuple[float | int | str | None, ...]:
     sigma, y = median_parallax_error(statistics.precision), y_parallax(statistics)
-    # dZ/dp = B c / p^2 at the mean parallax: the height that one pixel of parallax stands for (Karfis 2009, 1.17)
-    metres = pair.base * pair.c / ((pair.parallax_low + pair.parallax_high) / 2) ** 2
     return (
         pair.name,
         statistics.outcomes[Outcome.CONVERGED],
         rounded(completeness(statistics), 3),
         rounded(sigma, 3),
-        rounded(None if sigma is None else sigma * metres, 3),
+        rounded(None if sigma is None else sigma * parallax_height(pair), 3),
         rounded(y, 3),
         round(ground_pixel(pair), 3),
     )

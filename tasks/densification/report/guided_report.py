@@ -7,6 +7,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.guided_matching import Guided
 from orthomill.tasks.densification.guided.point_block import GuidedStatistics
 from orthomill.tasks.densification.matching_block import MatchingStatistics
+from orthomill.tasks.densification.precision.tie_points import TieCounts
 from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
@@ -16,11 +17,12 @@ def guided_report(
     surface: Surface,
     matching: tuple[MatchingStatistics, ...],
     cells: SurfaceStatistics,
+    ties: TieCounts,
     levels: tuple[GuidedStatistics, ...],
     settings: Guided,
 ) -> StageReport:
     """The report of the pairs with a table of the levels."""
-    whole = report(pairs, surface, matching, cells)
+    whole = report(pairs, surface, matching, cells, ties)
     figures = (
         Figure(name="guided_points", value=levels[-1].kept, sentence="Points of the densest model, without spikes."),
         Figure(

@@ -1,52 +1,65 @@
-"""The report of a surface from vertical lines."""
+"""The report of a surface from vertical lines: that of any surface, and how the nodes were found."""
+
+from collections.abc import Iterator
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
+from orthomill.schemas.stage_report import Chart, Grid, Picture, Product, StageReport
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.line_locus.locus_block import CORRELATION_CLASSES, LineStatistics
 from orthomill.tasks.densification.line_locus.node_markers import MARKERS
 from orthomill.tasks.densification.precision.class_medians import median_correlation
-from orthomill.tasks.densification.report.surface_words import (
-    HEADLINES,
-    SURFACE_FIGURES,
-    precision_chart,
-    provenance_grid,
-    rounded,
-    share,
-    surface_doubts,
-    surface_pictures,
-    surface_values,
-    surface_warnings,
-)
+from orthomill.tasks.densification.precision.tie_points import TieCounts
+from orthomill.tasks.densification.report.surface_report import figures_of, rounded, share, surface_report
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
-_LINE_FIGURES = (
+_FIGURES = (
     ("nodes", "", "Vertical lines that two or more photographs show."),
     ("nodes_matched", "", "Nodes whose correlation passes its limit."),
     ("completeness_nodes", "", "Share of the nodes that were accepted."),
     ("correlation_median", "", "Median absolute correlation of the accepted nodes."),
     ("limit_median", "", "Median of the correlations from which on nodes counted as found."),
 )
-_OF_PAIRS = ("pairs", "nodes", "nodes_matched", "completeness_nodes", "parallax_precision_median", "share_agreed", "share_disputed")
-"""figures that lines do not have, or state in words of their own"""
+_OF_PAIRS = ("share_agreed", "share_disputed")
+"""figures of surfaces that lines do not have"""
+_ACCEPTED_ENOUGH = 0.7
+"""share of the nodes below which the rest is worth a warning"""
+_PERMISSIVE = 0.3
+"""median limit below which windows of different ground pass as well"""
+_PRODUCTS = (
+    Product(path="products/line_locus.xyz", purpose="Nodes of vertical line locus that were accepted: X, Y, Z"),
+    Product(path="products/line_locus_nodes.tif", purpose="Nodes over the photographs: black accepted, white rejected"),
+)
 
 
-def line_report(surface: Surface, lines: LineStatistics, cells: SurfaceStatistics) -> StageReport:
+def line_report(surface: Surface, lines: LineStatistics, cells: SurfaceStatistics, ties: TieCounts) -> StageReport:
     """The report of a surface from vertical lines."""
-    values = _line_values(lines) | surface_values(surface, cells)
-    figures = (*_LINE_FIGURES, *(figure for figure in SURFACE_FIGURES if figure[0] not in _OF_PAIRS))
+    whole, values = surface_report(surface, cells, ties, _OF_PAIRS), _line_values(lines)
+    warnings = tuple(_warnings(values))
     rows = tuple((outcome.sentence, lines.outcomes[outcome]) for outcome in Outcome if lines.outcomes[outcome])
-    return StageReport(
-        figures=tuple(
-            Figure(name=name, value=values[name], unit=unit, sentence=sentence, headline=name in HEADLINES)
-            for name, unit, sentence in figures
-        ),
-        grids=(Grid(title="Outcomes of the nodes", columns=("outcome", "nodes"), rows=rows), provenance_grid(cells)),
-        charts=(_correlation_chart(lines), precision_chart(surface, cells)),
-        pictures=(*surface_pictures(), _marker_picture()),
-        doubts=tuple(surface_doubts(cells)),
-        warnings=tuple(surface_warnings(cells)),
+    return whole.model_copy(
+        update={
+            "products": (*whole.products, *_PRODUCTS),
+            "losses": (*whole.losses, *warnings),
+            "figures": (*figures_of(_FIGURES, values), *whole.figures),
+            "grids": (Grid(title="Outcomes of the nodes", columns=("outcome", "nodes"), rows=rows), *whole.grids),
+            "charts": (_correlation_chart(lines), *whole.charts),
+            "pictures": (*whole.pictures, _marker_picture()),
+            "warnings": (*warnings, *whole.warnings),
+        }
     )
+
+
+def _warnings(values: dict[str, float | int | None]) -> Iterator[str]:
+    accepted, limit = values["completeness_nodes"], values["limit_median"]
+    if accepted is not None and accepted < _ACCEPTED_ENOUGH:
+        yield (
+            f"Only {100 * accepted:.0f} % of the nodes were accepted; look for water, wood or blank ground, or set a larger window."
+        )
+    if limit is not None and limit < _PERMISSIVE:
+        yield (
+            f"Half of the nodes counted as found from a correlation of {limit:.2f} on, which different ground reaches as well: "
+            "wrong heights pass. The threshold that counts independent pixels (threshold: {kind: independent_pixels}) refuses them."
+        )
 
 
 def _line_values(lines: LineStatistics) -> dict[str, float | int | None]:

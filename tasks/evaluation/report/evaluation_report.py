@@ -3,14 +3,18 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
+from typing import Literal
 
-from orthomill.schemas.stage_report import Figure, StageReport
+from orthomill.schemas.stage_report import Figure, StageReport, Verdict
 from orthomill.tasks.evaluation.report.codes_section import check_section
-from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section
+from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section, near_share
 from orthomill.tasks.evaluation.report.orientation_section import orientation_section
 from orthomill.tasks.evaluation.report.orthoimage_section import orthoimage_section
 from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import CheckSummary, HeightsSummary, OrientationSummary, OrthoSummary
+
+_NEAR_ENOUGH = 95.0
+"""% of the measured heights within three expected standard errors that a good surface has: some stand in crowns and at edges"""
 
 
 @dataclass(frozen=True)
@@ -79,16 +83,30 @@ def evaluation_report(
         sections.append(orthoimage_section(ortho, facts.reference == "truth"))
     if orientation:
         sections.append(orientation_section(orientation))
+    doubts = tuple(chain.from_iterable(section.warnings for section in sections))
     return StageReport(
+        verdict=_verdict(facts, heights, len(doubts)),
         aside=True,
         figures=_main_first([figure for section in sections for figure in section.figures]),
         grids=tuple(chain.from_iterable(section.grids for section in sections)),
         charts=tuple(chain.from_iterable(section.charts for section in sections)),
         pictures=tuple(chain.from_iterable(section.pictures for section in sections)),
         # A reference that contradicts the results, or their stated precision, is no mere remark.
-        doubts=tuple(chain.from_iterable(section.warnings for section in sections)),
+        doubts=doubts,
         warnings=tuple(_warnings(sections, facts)),
     )
+
+
+def _verdict(facts: EvaluationFacts, heights: HeightsSummary | None, doubts: int) -> Verdict:
+    """How the results compare with what is known; it stands at its stage, its doubts stand on the first page."""
+    if not facts.parts:
+        return Verdict(level="fair", sentence="Nothing was compared with a reference.")
+    words = f"Compared with {'the truth' if facts.reference == 'truth' else 'the reference'}: {', '.join(facts.parts)}"
+    level: Literal["good", "fair", "poor"] = "poor" if doubts else "good"
+    if heights and (near := near_share(heights)) is not None:
+        level = "fair" if level == "good" and near < _NEAR_ENOUGH else level
+        words += f"; {near:.0f} % of the measured heights are as near as the photographs allow"
+    return Verdict(level=level, sentence=f"{words.replace('_', ' ')}.")
 
 
 def _warnings(sections: list[ReportSection], facts: EvaluationFacts) -> Iterator[str]:

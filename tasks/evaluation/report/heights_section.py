@@ -17,6 +17,9 @@ _NORMAL_3 = 95.0
 """% within three reported sigma below which the precision is called too optimistic; a normal law has 99.7, but height errors have
 heavier tails, and a warning on every surface would be ignored"""
 
+_MOSTLY = 80.0
+"""% of the measured heights within three expected standard errors below which surface or reference is in doubt"""
+
 _MEASURES = (
     ("bias", "m", "mean difference from the reference"),
     ("sd", "m", "standard deviation of the differences"),
@@ -238,3 +241,14 @@ def _warnings(summary: HeightsSummary) -> Iterator[str]:
             f"Only {within:.0f} % of the heights ({ground.words}) lie within three of their own reported "
             "standard errors (a normal law has 99.7): the reported precision is too optimistic."
         )
+    if (near := near_share(summary)) is not None and near < _MOSTLY:
+        yield (
+            f"Only {near:.0f} % of the measured heights lie within {3 * (summary.expected_sigma or 0.0):.2g} m of the reference, "
+            "three times what its photographs allow (H/B times ground pixel times parallax error): surface or reference is wrong."
+        )
+
+
+def near_share(summary: HeightsSummary) -> float | None:
+    """% of all measured heights within three expected standard errors; None where none is expected, or nothing was compared."""
+    whole = next((group for group in summary.groups if group.name == "all"), None)
+    return whole.within_expected[SIGMAS.index(3.0)] if whole and whole.within_expected else None

@@ -20,7 +20,23 @@ def says(level, sentence="s.", weighs=True):
 
 
 def page(reports, facts=None, folder=None, tmp_path=None):
-    return first_page(reports, STAGES, facts or run(), folder or tmp_path)
+    """The page of stages of which those without a report, or without a verdict of theirs, are good and do not weigh."""
+    judged = {kind: StageReport(verdict=says("good", weighs=False)) for kind, _ in STAGES} | reports
+    quiet = {
+        kind: report.model_copy(update={"verdict": report.verdict or says("good", weighs=False)}) for kind, report in judged.items()
+    }
+    return first_page(quiet, STAGES, facts or run(), folder or tmp_path)
+
+
+def test_silence_is_not_a_verdict(tmp_path):
+    good, silent = StageReport(verdict=says("good")), StageReport()
+    judged = {"simulation": good, "orientation": good, "texture": good}
+    assert first_page(judged, STAGES, run(), tmp_path).level == "good"
+    for reports in (judged | {"texture": silent}, {"simulation": good, "orientation": good}):
+        found = first_page(reports, STAGES, run(), tmp_path)
+        assert found.level == "unjudged" and found.headline.endswith("nothing says how good these results are: Orthoimage.")
+    fair = judged | {"texture": silent, "orientation": StageReport(verdict=says("fair"))}
+    assert first_page(fair, STAGES, run(), tmp_path).level == "fair", "what is known to be limited stays so"
 
 
 @pytest.mark.parametrize(
@@ -31,7 +47,7 @@ def page(reports, facts=None, folder=None, tmp_path=None):
         ({"orientation": StageReport(verdict=says("poor")), "texture": StageReport(verdict=says("fair"))}, "poor"),
         ({"orientation": StageReport(verdict=says("good"), warnings=("d",), doubts=("d",))}, "poor"),
         ({"orientation": StageReport(verdict=says("fair", weighs=False)), "texture": StageReport(verdict=says("good"))}, "good"),
-        ({"orientation": StageReport()}, "unjudged"),
+        ({"orientation": StageReport(verdict=says("good", weighs=False))}, "unjudged"),
     ],
 )
 def test_the_run_is_as_good_as_the_worst_that_weighs(reports, level, tmp_path):

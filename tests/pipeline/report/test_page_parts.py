@@ -9,7 +9,7 @@ from memory_store import MemoryStore
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
 from orthomill.pipeline.report.page import PictureView, Section, figure_row, label_of, leading, length_text, report_html
 from orthomill.pipeline.report.pictures import Drawing
-from orthomill.schemas.stage_report import Figure, Grid, Picture, StageReport, report_table
+from orthomill.schemas.stage_report import Figure, Grid, Picture, StageReport, Verdict, report_table
 
 STAGES = (("photos", "Photographs"), ("texture", "True orthoimage"))
 
@@ -22,7 +22,7 @@ def run(*stages: StageRun, **more) -> RunFacts:
 
 def page(facts: RunFacts, **reports: StageReport) -> str:
     store = MemoryStore()
-    for kind, report in reports.items():
+    for kind, report in ({"texture": StageReport(verdict=JUDGED)} | reports).items():
         store.put_table(report_table(kind), report)
     return report_html(store, STAGES, facts, Path())
 
@@ -36,7 +36,8 @@ def states(html: str) -> list[str]:
 
 
 DONE = StageRun("photos", jobs=3, done=3)
-REPORT = StageReport(figures=(Figure(name="photos", value=12),))
+JUDGED = Verdict(level="good", sentence="s.")
+REPORT = StageReport(verdict=JUDGED, figures=(Figure(name="photos", value=12),))
 
 
 @pytest.mark.parametrize(

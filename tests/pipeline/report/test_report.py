@@ -17,7 +17,7 @@ from orthomill.pipeline.report.overview import overview
 from orthomill.pipeline.report.page import label_of, report_html, write_report
 from orthomill.pipeline.report.pictures import draw, shade
 from orthomill.pipeline.storage.store import Store
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, report_table
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict, report_table
 
 NAN = float("nan")
 STYLES = ("hillshade", "rgb", "ramp", "diverging", "classes")
@@ -47,6 +47,7 @@ def full_report():
     series = {"y": (1.0, NAN, 3.0), "dx": (0.1, 0.2, NAN), "dy": (0.0, 0.1, 0.2)}
     chart = Chart(title="c", style="bars", x_label="x", y_label="y", x=(1.0, 2.0, 3.0), labels=("a", "b", "c"), series=series)
     return StageReport(
+        verdict=Verdict(level="good", sentence="s."),
         figures=(signed, Figure(name="photos", value=12)),
         grids=(Grid(title="Cameras", columns=("photo", "x"), rows=(("p1", 1.5), ("p2", None))),),
         charts=tuple(chart.model_copy(update={"style": style}) for style in ("bars", "lines", "points", "arrows", "map")),

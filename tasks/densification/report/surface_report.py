@@ -1,9 +1,15 @@
-"""What is told of a surface model, whatever its heights come from: figures, verdict, answers, doubts and pictures."""
+"""What is reported of a surface model, whatever matched it: figures, codes, pictures, its verdict, answers and products.
+
+Every way of matching adds what it knows of itself (densification report, lines, guided): none can leave out whether its surface is
+good. What is said rests on three things: how many heights are estimates, how precise the others are stated to be, and how many tie
+points contradict them.
+"""
 
 from collections.abc import Iterator
+from math import inf
 from typing import Literal
 
-from orthomill.schemas.stage_report import Answer, Chart, Grid, Picture, Topic, Verdict
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import (
     COUNT,
     DATUM_PRECISION,
@@ -16,7 +22,8 @@ from orthomill.schemas.surface import (
     Provenance,
     Surface,
 )
-from orthomill.tasks.densification.precision.class_medians import height_error_middles, median_height_error
+from orthomill.tasks.densification.precision.class_medians import height_error_middles, median_height_error, median_tie_distance
+from orthomill.tasks.densification.precision.tie_points import TieCounts
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
 _DISPUTED_LIMIT = 0.05
@@ -24,12 +31,21 @@ _DISPUTED_LIMIT = 0.05
 _ARE_ESTIMATES = "of the heights are estimates"
 _ESTIMATED_LIMIT = 0.1
 """share of heights that were not measured that is worth a warning"""
+_MOST_ESTIMATED = 0.5
+"""share of the heights: with more, the surface is a sketch for most of its area"""
+_TIES_FOUND = "tie points lie off the surface by more than three standard errors"
+_COARSE_FOUND = "stated to no better than"
+_ENOUGH_TIES = 30
+"""tie points from which on their shares are stated"""
+_OFF, _MOSTLY_OFF = 0.1, 0.2
+"""share of the tie points that contradict a surface, or lie a pixel of parallax off it, above which it is usable within limits and
+in doubt: below leaves and beside walls some always do"""
+_COARSE = 1.0
+"""pixels of parallax: a surface whose heights are stated to be less precise is usable within limits"""
+_OF_A_PIXEL = 4
+"""classes of distances of tie points that a pixel of parallax is wide"""
+
 SURFACE_FIGURES = (
-    ("pairs", "", "Pairs of photographs that were matched densely."),
-    ("nodes", "", "Nodes inside the photographs, over all pairs."),
-    ("nodes_matched", "", "Nodes matched by least squares."),
-    ("completeness_nodes", "", "Share of the nodes that were matched."),
-    ("parallax_precision_median", "px", "Median standard error of a parallax, from matching alone."),
     ("cell", "m", "Cell size of the surface model."),
     ("rows", "", "Rows of the surface model."),
     ("columns", "", "Columns of the surface model."),
@@ -46,11 +62,15 @@ SURFACE_FIGURES = (
     ("spikes_removed", "", "Heights of pairs removed by the spike filter."),
     ("precision_median", "m", "Median standard error of a measured height among its neighbours."),
     ("datum_precision_median", "m", "Median standard error that the orientation adds, common to neighbours."),
+    ("tie_points", "", "Tie points on measured heights, with which the surface was compared."),
+    ("tie_points_off", "m", "Median distance of the tie points from the surface, beyond the heights of the cells around."),
+    ("tie_points_contradicting", "", "Share of them that lie more than three standard errors (theirs and the height's) off it."),
+    ("tie_points_pixel_off", "", "Share of them that lie off it by more than a pixel of parallax is worth."),
     ("height_lowest", "m", "Lowest height of the surface model."),
     ("height_highest", "m", "Highest height of the surface model."),
 )
-"""name, unit and meaning of every figure, in the order of the report"""
-LABELS = {
+"""name, unit and meaning of every figure of a surface, in the order of the report"""
+_LABELS = {
     "precision_median": "Precision among neighbours",
     "datum_precision_median": "Precision of the datum",
     "completeness_nodes": "Matched of what photographs share",
@@ -59,22 +79,63 @@ LABELS = {
     "share_incoherent": "Estimated, contradicted by neighbours",
     "share_filled": "Estimated from neighbours",
     "share_volume": "Measured by all photographs together",
+    "tie_points_off": "Tie points off the surface",
 }
 """what people call a figure whose name does not say it"""
-_MOST_ESTIMATED = 0.5
-"""share of the heights: with more, the surface is a sketch for most of its area"""
-HEADLINES = ("completeness_nodes", "precision_median")
+_HEADLINES = ("completeness_nodes", "precision_median")
+_PRODUCTS = (
+    Product(
+        path="products/dsm.tif", purpose="Surface model: heights with their standard errors", main=True, classed=("plan", "height")
+    ),
+    Product(path="products/dsm_provenance.tif", purpose="Where each height comes from: measured or estimated"),
+)
+
+
+def surface_report(surface: Surface, cells: SurfaceStatistics, ties: TieCounts, without: tuple[str, ...] = ()) -> StageReport:
+    """The parts that every surface has; without: names of figures that its way of matching does not know."""
+    values = _surface_values(surface, cells, ties)
+    warnings = tuple(_surface_warnings(cells, ties, median_height_error(cells.precision, surface.grid.cell)))
+    return StageReport(
+        verdict=_verdict(cells, surface, ties),
+        answers=tuple(_answers(cells, surface)),
+        products=_PRODUCTS,
+        doubts=tuple(_doubts(cells, ties, warnings)),
+        losses=warnings,
+        figures=tuple(figures_of(SURFACE_FIGURES, values, without)),
+        grids=(_provenance_grid(cells),),
+        charts=(_precision_chart(surface, cells),),
+        pictures=_pictures(),
+        warnings=warnings,
+    )
+
+
+def figures_of(
+    kinds: tuple[tuple[str, str, str], ...], values: dict[str, float | int | None], without: tuple[str, ...] = ()
+) -> Iterator[Figure]:
+    """The figures (name, unit, meaning) with their values and labels."""
+    for name, unit, sentence in kinds:
+        if name not in without:
+            yield Figure(
+                name=name,
+                label=_LABELS.get(name, ""),
+                value=values[name],
+                unit=unit,
+                sentence=sentence,
+                headline=name in _HEADLINES,
+            )
 
 
 def rounded(value: float | None, digits: int) -> float | None:
+    """A value of so many digits, or none."""
     return None if value is None else round(value, digits)
 
 
 def share(part: int, whole: int) -> float | None:
+    """`part` of `whole`; None of nothing."""
     return round(part / whole, 4) if whole else None
 
 
-def surface_values(surface: Surface, cells: SurfaceStatistics) -> dict[str, float | int | None]:
+def _surface_values(surface: Surface, cells: SurfaceStatistics, ties: TieCounts) -> dict[str, float | int | None]:
     grid, counts = surface.grid, cells.provenance
     known = _known_cells(cells)
     measured = sum(counts[code] for code in MEASURED)
@@ -95,16 +156,24 @@ def surface_values(surface: Surface, cells: SurfaceStatistics) -> dict[str, floa
         "spikes_removed": cells.spikes,
         "precision_median": rounded(median_height_error(cells.precision, grid.cell), 3),
         "datum_precision_median": rounded(median_height_error(cells.datum, grid.cell), 3),
+        "tie_points": ties.points,
+        "tie_points_off": rounded(median_tie_distance(ties.distances, ties.width), 3),
+        "tie_points_contradicting": share(ties.contradicting, ties.points),
+        "tie_points_pixel_off": share(_pixel_off(ties), ties.points),
         "height_lowest": rounded(cells.lowest, 2),
         "height_highest": rounded(cells.highest, 2),
     }
+
+
+def _pixel_off(ties: TieCounts) -> int:
+    return sum(ties.distances[_OF_A_PIXEL:])
 
 
 def _known_cells(cells: SurfaceStatistics) -> int:
     return sum(cells.provenance) - cells.provenance[Provenance.EMPTY]
 
 
-def provenance_grid(cells: SurfaceStatistics) -> Grid:
+def _provenance_grid(cells: SurfaceStatistics) -> Grid:
     rows = tuple(
         (int(code), meaning, cells.provenance[code], share(cells.provenance[code], sum(cells.provenance)))
         for code, _, meaning in PROVENANCE_CODES
@@ -112,7 +181,7 @@ def provenance_grid(cells: SurfaceStatistics) -> Grid:
     return Grid(title="Origin of the heights", columns=("code", "meaning", "cells", "share"), rows=rows)
 
 
-def precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
+def _precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
     return Chart(
         title="Standard error of the heights",
         style="bars",
@@ -124,7 +193,7 @@ def precision_chart(surface: Surface, cells: SurfaceStatistics) -> Chart:
     )
 
 
-def surface_pictures() -> tuple[Picture, ...]:
+def _pictures() -> tuple[Picture, ...]:
     among, datum = "Standard error of the heights among their neighbours.", "What the orientation adds; neighbours share it."
     return (
         Picture(
@@ -142,20 +211,28 @@ def surface_pictures() -> tuple[Picture, ...]:
     )
 
 
-def surface_verdict(cells: SurfaceStatistics, surface: Surface) -> Verdict:
+def _verdict(cells: SurfaceStatistics, surface: Surface, ties: TieCounts) -> Verdict:
     known, precision = _known_cells(cells), median_height_error(cells.precision, surface.grid.cell)
     if not known:
         return Verdict(level="poor", sentence="The surface is empty: no pair of photographs could be matched.", weighs=True)
     estimated = sum(cells.provenance[code] for code in ESTIMATED) / known
-    level: Literal["good", "fair", "poor"] = (
-        "good" if estimated <= _ESTIMATED_LIMIT else "fair" if estimated <= _MOST_ESTIMATED else "poor"
-    )
+    off = _off(ties)
+    coarse = (precision or 0.0) / (_OF_A_PIXEL * ties.width)
+    limits = ((estimated, _ESTIMATED_LIMIT, _MOST_ESTIMATED), (off, _OFF, _MOSTLY_OFF), (coarse, _COARSE, inf))
+    worst = max((value > fair) + (value > poor) for value, fair, poor in limits)
+    level: Literal["good", "fair", "poor"] = ("good", "fair", "poor")[worst]
     words = f"{100 * (1 - estimated):.0f} % of the heights are measured"
     precise = "" if precision is None else f", to {precision:.2g} m among their neighbours (median standard error)"
-    return Verdict(level=level, sentence=f"{words}{precise}; {100 * estimated:.0f} % are estimates.", weighs=True)
+    tested = f" Of {ties.points} tie points {100 * off:.0f} % contradict them." if off > _OFF else ""
+    return Verdict(level=level, sentence=f"{words}{precise}; {100 * estimated:.0f} % are estimates.{tested}", weighs=True)
 
 
-def surface_answers(cells: SurfaceStatistics, surface: Surface) -> Iterator[Answer]:
+def _off(ties: TieCounts) -> float:
+    """Share of the tie points that contradict the surface, or lie off it by more than a pixel of parallax; 0 for too few."""
+    return max(ties.contradicting, _pixel_off(ties)) / ties.points if ties.points >= _ENOUGH_TIES else 0.0
+
+
+def _answers(cells: SurfaceStatistics, surface: Surface) -> Iterator[Answer]:
     known, cell = _known_cells(cells), surface.grid.cell
     area = known * cell * cell
     yield Answer(topic=Topic.AREA, text=f"{area / 1e6:.3g} km²" if area >= 1e6 else f"{area / 1e4:.3g} ha")
@@ -169,14 +246,17 @@ def surface_answers(cells: SurfaceStatistics, surface: Surface) -> Iterator[Answ
         )
 
 
-def surface_doubts(cells: SurfaceStatistics) -> Iterator[str]:
-    """The warnings of a surface that is no measurement for the most part, or that its pairs contradict. A tenth of estimates is
-    what every block with trees has."""
+def _doubts(cells: SurfaceStatistics, ties: TieCounts, warnings: tuple[str, ...]) -> Iterator[str]:
+    """The warnings of a surface that is no measurement for the most part, or that pairs or tie points contradict. A tenth of
+    estimates is what every block with trees has."""
     measured = _known_cells(cells) > 2 * sum(cells.provenance[code] for code in ESTIMATED)
-    return (sentence for sentence in surface_warnings(cells) if not (measured and _ARE_ESTIMATES in sentence))
+    for sentence in warnings:
+        harmless = (measured and _ARE_ESTIMATES in sentence) or (_TIES_FOUND in sentence and _off(ties) <= _MOSTLY_OFF)
+        if not harmless and _COARSE_FOUND not in sentence:
+            yield sentence
 
 
-def surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
+def _surface_warnings(cells: SurfaceStatistics, ties: TieCounts, precision: float | None) -> Iterator[str]:
     known, disputed = _known_cells(cells), cells.provenance[Provenance.DISPUTED]
     estimated = sum(cells.provenance[code] for code in ESTIMATED)
     # An empty surface is an error of the block, not of matching: nothing else explains that no node in any pair converged.
@@ -192,4 +272,16 @@ def surface_warnings(cells: SurfaceStatistics) -> Iterator[str]:
         yield (
             f"The pairs disagree on {100 * disputed / known:.0f} % of the heights; the map of their origin shows where. Look for "
             "things that moved between the photographs, or a poor calibration."
+        )
+    pixel = _OF_A_PIXEL * ties.width
+    if (off := _off(ties)) > _OFF:
+        yield (
+            f"{100 * off:.0f} % of the {ties.points} {_TIES_FOUND} or by more than a pixel of parallax is worth ({pixel:.2g} m): "
+            "so many heights are wrong there. Match with the default (matching: {kind: object_space}), or look where the check "
+            "disagrees."
+        )
+    if precision is not None and precision > _COARSE * pixel:
+        yield (
+            f"Half of the heights are {_COARSE_FOUND} {precision:.2g} m, while a pixel of parallax is worth {pixel:.2g} m: "
+            "this way of matching measured worse than the photographs allow."
         )
