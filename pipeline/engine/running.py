@@ -132,6 +132,7 @@ def run_workflow(
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         clock = time.monotonic()
+        _announce_dashboard(session.folder, options)
         examine_after_power_cut(session.folder)
         session.plan()
         _tell_foreseen(session, announce)
@@ -148,6 +149,7 @@ def run_workflow(
             announce(_mended(session))
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)
         write_results(session.store, session.folder, titles_of(loaded.stages), facts)
+        (session.folder / DASHBOARD).unlink(missing_ok=True)
     return facts
 
 
@@ -171,9 +173,6 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
     """Write the workflow as run, and return what is known before any job has run."""
     filled_in = session.folder / "workflow.yaml"
     write_workflow(loaded, filled_in)
-    # The addresses that a killed run left behind would point to a dead dashboard.
-    for address in (DASHBOARD, TILES):
-        (session.folder / address).unlink(missing_ok=True)
     return RunFacts(
         project=loaded.project.project,
         crs=loaded.project.crs,
@@ -185,6 +184,14 @@ def _begin(loaded: LoadedWorkflow, session: Session) -> RunFacts:
         workflow=filled_in.read_text(),
         machine=_machine(),
     )
+
+
+def _announce_dashboard(folder: Path, options: Options) -> None:
+    """An empty address while a run on Dask has none yet, and none of a run that was killed, whose dashboard is dead."""
+    for address in (DASHBOARD, TILES):
+        (folder / address).unlink(missing_ok=True)
+    if not options.sequential:
+        write_for_the_user_only(folder / DASHBOARD, "")
 
 
 def _check_workers(options: Options) -> None:

@@ -126,11 +126,17 @@ class Remaining:
     expected: float
     seconds: float
     error: float
+    told: float = 0.0
+    """share that was shown before"""
 
     @property
     def share(self) -> float:
-        """The part of the work that is done, 0 to 1."""
-        return self.done / (self.done + self.left) if self.done + self.left > 0 else 0.0
+        """The part of the work that is surely done, 0 to 1: what is left counts with its error, and no share that was shown falls.
+
+        Where a stage turns out larger than was foreseen the time grows and the share waits.
+        """
+        left = self.left * (1.0 + (self.error / self.seconds if self.seconds else 0.0))
+        return max(self.done / (self.done + left) if self.done + left > 0 else 0.0, self.told)
 
     @property
     def range(self) -> tuple[float, float]:
@@ -164,6 +170,7 @@ class CostModel:
         self._closed: set[str] = set()
         self._heard: dict[str, float] = {}
         """when a worker ended its last job"""
+        self._least = 0.0
         self._pace = _Pace(clock())
 
     def planned(self, planned: PlannedJob) -> None:
@@ -239,7 +246,16 @@ class CostModel:
         under_way = min(self._under_way(), left)
         pace = self._workers * self._pace.of_a_worker()
         kept = max(1.0 - under_way / left, STILL) if left else 1.0
-        return Remaining(done + (1.0 - kept) * left, kept * left, kept * expected, kept * left / pace, kept * error / pace)
+        return Remaining(
+            done + (1.0 - kept) * left, kept * left, kept * expected, kept * left / pace, kept * error / pace, self._least
+        )
+
+    def shown(self) -> Remaining | None:
+        """What is left, for people: from now on no share is below this one."""
+        left = self.remaining()
+        if left:
+            self._least = left.share
+        return left
 
     def costs(self) -> dict[str, dict[str, FunctionCost]]:
         """What is to be kept for the next run: families all of whose jobs are done, by stage and function."""

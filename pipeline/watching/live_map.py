@@ -91,7 +91,7 @@ class LiveMap:
         return self._told[1] | {"counts": self.board.counts()}
 
     def _total(self) -> dict[str, Any]:
-        left = self._model.remaining()
+        left = self._model.shown()
         return {
             "project": self._session.folder.name,
             "share": left.share if left else 0.0,

@@ -34,6 +34,8 @@ class Place:
     path: tuple[str | int, ...]
     model: type[BaseModel] | None
     field: FieldInfo | None
+    annotation: Any = None
+    """of the value there: that of an entry where the field is a list"""
 
 
 def locate(loc: tuple[str | int, ...], annotation: Any) -> Place:
@@ -55,7 +57,7 @@ def locate(loc: tuple[str | int, ...], annotation: Any) -> Place:
             break
     if is_model(_bare(annotation)) and model is None:
         model = _bare(annotation)
-    return Place(path, model, field)
+    return Place(path, model, field, annotation)
 
 
 def _item_type(annotation: Any, element: str | int) -> Any:

@@ -81,11 +81,14 @@ class Mistakes:
     def add_all(self, error: ValidationError, annotation: Any, base: Path_) -> None:
         """Record what pydantic found wrong in the value at `base`, which should be an `annotation`."""
         details = error.errors(include_url=False)
-        taken = _meant(details, annotation)
+        taken, below = _meant(details, annotation), [other for other in details if other["type"] != "too_short"]
         for detail in details:
             place = locate(detail["loc"], annotation)
             # "siz: 9" is one mistake for the user, but an unknown and a missing field for pydantic.
             if detail["type"] == "missing" and place.path in taken:
+                continue
+            # pydantic counts the valid entries of a list: one that is wrong would make the list too short as well.
+            if detail["type"] == "too_short" and any(other["loc"][: len(detail["loc"])] == detail["loc"] for other in below):
                 continue
             text, path = _sentence(detail, place, self.document, base, annotation)
             # Members of a plain union report one error each for the same value: the first one names the declared type.
@@ -214,8 +217,12 @@ def _unknown(place: Place, path: Path_, document: Document) -> str:
 
 
 def _unknown_kind(value: Any, path: Path_, place: Place, annotation: Any) -> tuple[str, Path_]:
-    kinds = list(variants(place.field.annotation if place.field else annotation))
-    what = "stage" if path[:1] == ("stages",) and len(path) == 2 else f"kind of {path[-1]}"
+    kinds = list(variants(place.annotation or annotation))
+    what = (
+        "stage"
+        if path[:1] == ("stages",) and len(path) == 2
+        else f"kind of {next((word for word in reversed(path) if isinstance(word, str)), 'value')}"
+    )
     word = value.get("kind") if isinstance(value, dict) else value
     if word is not None:
         where = (*path, "kind") if isinstance(value, dict) else path

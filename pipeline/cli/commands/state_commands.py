@@ -81,13 +81,16 @@ def dashboard(name: Name, debug: Debug = False) -> None:
     """Print the address of the dashboard of a run in progress."""
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.cli.verification_lines import dashboard_address
+    from orthomill.pipeline.engine.running import DASHBOARD
     from orthomill.pipeline.records.lock import is_running
 
     with plain_errors(debug):
         folder = load_project(name).run_folder
+        soon = f"{folder.name} is starting, its dashboard is not there yet; ask again in some seconds"
         none = f"{folder.name} is running without Dask, so there is no dashboard; see: orthomill status {name}"
         idle = f"{folder.name} is not running; start it with: orthomill run {name}"
-        out.print(dashboard_address(folder) or (none if is_running(folder) else idle), soft_wrap=True)
+        without = idle if not is_running(folder) else soon if (folder / DASHBOARD).exists() else none
+        out.print(dashboard_address(folder) or without, soft_wrap=True)
 
 
 @state.command()

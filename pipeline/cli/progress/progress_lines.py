@@ -91,7 +91,7 @@ class ProgressLines:
 
     def remaining(self) -> Remaining | None:
         """What is left of the run; None in the first seconds, whose jobs say little about the others."""
-        return self._model.remaining() if time.monotonic() - self._started >= SETTLED else None
+        return self._model.shown() if time.monotonic() - self._started >= SETTLED else None
 
     def _log(self, kind: str, count: StageCount) -> None:
         # The end of a stage may come more than once, as further jobs of it are planned: one line is enough.

@@ -160,6 +160,8 @@ def test_the_dashboard_is_named_while_a_run_on_dask_is_in_progress(done):
     assert command("dashboard", "site") == "site is not running; start it with: orthomill run site"
     with only_run(done / "runs" / "site"):
         assert "running without Dask" in command("dashboard", "site")
+        (done / "runs" / "site" / DASHBOARD).write_text("")
+        assert "site is starting, its dashboard is not there yet" in command("dashboard", "site")
         (done / "runs" / "site" / DASHBOARD).write_text("http://127.0.0.1:8787/status")
         assert command("dashboard", "site") == "http://127.0.0.1:8787/status"
 

@@ -174,6 +174,31 @@ def test_the_remaining_time_is_never_negative_and_ends_at_none(seconds, workers)
     assert model.remaining().left == 0.0 and model.remaining().share == 1.0
 
 
+def test_a_share_that_was_shown_waits_where_a_stage_turns_out_larger():
+    clock = Clock()
+    model = model_of({TILES: Expected(16.0, 0.0)}, clock=clock)
+    shares, seconds = [], []
+    for number in range(16):
+        clock.now += 1.0
+        model.took(TILES, 1.0, "a")
+        if number == 11:
+            for _ in range(40):
+                model.count(LATER)
+        told = model.shown()
+        shares.append(told.share)
+        seconds.append(told.seconds)
+    assert shares == sorted(shares) and seconds[11] > 3 * seconds[10], "the time grows, the share waits"
+    assert model.remaining().share == shares[-1] > 12 / 56
+
+
+def test_a_share_is_what_is_surely_done():
+    model = model_of()
+    for _ in range(8):
+        model.took(TILES, 1.0, "a")
+    left = model.remaining()
+    assert left.share == pytest.approx(8.0 / (8.0 + 8.0 * (1 + left.error / left.seconds))) and left.share < 0.5
+
+
 def test_a_log_is_read_as_it_was_written(tmp_path):
     begun = (LaidOut("source", 4.0), Planned(TILES, 2, 2.5), Ended(TILES, "0", 1.5, 1.51, 1.25))
     log = RunLog(34.5, (*begun, Planned(LATER, 1, 1.0), Ended(LATER, "1", 0.5, 2.0, 1.0)))

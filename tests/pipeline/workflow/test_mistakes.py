@@ -80,7 +80,7 @@ class Sheet(Settings):
 class Sheets(Settings):
     """Several of them."""
 
-    outputs: tuple[Annotated[Sheet | Other, Field(discriminator="kind")], ...] = setting(..., "What is made.")
+    outputs: tuple[Annotated[Sheet | Other, Field(discriminator="kind")], ...] = setting(..., "What is made.", min_length=1)
 
 
 @pytest.mark.parametrize(
@@ -99,6 +99,24 @@ def test_a_setting_that_is_called_as_its_kind_has_its_own_place(normal, sentence
         TypeAdapter(Sheets).validate_python(document.value)
     mistakes.add_all(caught.value, Sheets, ())
     assert [f"{mistake.place}: {mistake.sentence}" for mistake in mistakes.found] == [sentence]
+
+
+@pytest.mark.parametrize(
+    ("entry", "sentence"),
+    [
+        ("{kind: other, siz: 3}", "outputs > entry 1 > siz: there is no such setting. entry 1 has no settings."),
+        ("{siz: 3}", "outputs > entry 1: has no kind; 'kind' must be one of plane, other."),
+        ("{kind: plain}", "outputs > entry 1 > kind: there is no kind of outputs 'plain'; did you mean 'plane'? Allowed: one of"),
+    ],
+)
+def test_a_wrong_entry_does_not_make_its_list_too_short(entry, sentence):
+    document = read_yaml(f"outputs: [{entry}]")
+    mistakes = Mistakes("a.yaml", document)
+    with pytest.raises(ValidationError) as caught:
+        TypeAdapter(Sheets).validate_python(document.value)
+    mistakes.add_all(caught.value, Sheets, ())
+    (mistake,) = mistakes.found
+    assert f"{mistake.place}: {mistake.sentence}".startswith(sentence)
 
 
 def sentences(text: str) -> list[str]:
