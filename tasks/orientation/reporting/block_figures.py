@@ -30,8 +30,14 @@ def block_figures(facts: Facts) -> tuple[Figure, ...]:
         *_precision(facts),
         *source_figures(facts.precision),
         *_coverage(facts),
-        *(figure for word, role in ROLES.items() for figure in _ground(facts.ground.of_role(role), word)),
+        *(figure for word, role in ROLES.items() for figure in _ground(_counted(facts, role), word)),
     )
+
+
+def _counted(facts: Facts, role: str) -> tuple[GroundResidual, ...]:
+    """The points of a role without those that the adjustment set aside: a blunder that took no part says nothing of the fit."""
+    blunders = () if role == "check" else facts.precision.blunders
+    return tuple(point for point in facts.ground.of_role(role) if point.name not in blunders)
 
 
 def exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:

@@ -97,10 +97,16 @@ def _block_figures(strength: Strength) -> tuple[Figure, ...]:
     parts, fewest = len(strength.parts), strength.fewest
     even = "How evenly the nine von Gruber areas of a frame are filled, median over the photographs; 1: equally."
     return (
-        Figure(name="connected_parts", value=parts, sentence="Parts of the block without enough tie points between them."),
+        Figure(name="connected_parts", value=parts, sentence=_PARTS),
         Figure(name="distribution_index", value=_rounded(strength.median_evenness), sentence=even),
         Figure(name="fewest_in_photo", value=fewest, sentence="Tie points in the photograph with the fewest."),
     )
+
+
+_PARTS = (
+    f"Parts of the block with fewer than {WEAK // 2} tie points between them. That there are enough is all that is known before "
+    "pairs are oriented: the orientation may find further groups."
+)
 
 
 def _floor_figure(weighting: Weighting) -> Figure:
@@ -170,7 +176,13 @@ def _block_chart(photos: Photos, summaries: tuple[PairSummary, ...]) -> Chart:
 
 def _verdict(strength: Strength) -> Verdict:
     parts, fewest = len(strength.parts), strength.fewest
-    connected = "connect all photographs" if parts == 1 and fewest else f"leave {parts} parts" if parts > 1 else "leave some out"
+    connected = (
+        "connect all photographs by their number"
+        if parts == 1 and fewest
+        else f"leave {parts} parts"
+        if parts > 1
+        else "leave some out"
+    )
     level: Literal["good", "fair", "poor"] = "poor" if parts > 1 else "good" if fewest >= WEAK else "fair"
     weakest = f"the weakest photograph has {fewest}"
     return Verdict(level=level, sentence=f"{len(strength.rays)} tie points {connected}; {weakest}.")

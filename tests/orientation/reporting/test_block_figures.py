@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.camera import Cameras
+from orthomill.schemas.orientation import GroundResidual, GroundResiduals
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.reporting.block_facts import filled_areas
 from orthomill.tasks.orientation.reporting.block_figures import block_figures, exterior_sigmas
@@ -143,3 +144,14 @@ def test_the_overlap_of_a_facade_is_that_of_the_same_block_over_a_field(facts, t
 
 def test_a_block_without_points_has_no_known_surface(facts):
     assert coverage(replace(facts, points=facts.points.take(np.zeros(40, bool)))) == (0.0, 0.0)
+
+
+def test_a_point_that_took_no_part_does_not_count_as_misfit(facts, with_precision):
+    rows = [
+        GroundResidual(name=name, role="control", difference=(off, off, off), predicted=(0.01, 0.01, 0.01), photos=3)
+        for name, off in (("good", 0.01), ("wrong", 5.0))
+    ]
+    spoilt = replace(facts, ground=GroundResiduals(points=tuple(rows)))
+    assert values(spoilt)["control_by_predicted"] > 100
+    found = values(replace(with_precision(blunders=("wrong",)), ground=spoilt.ground))
+    assert found["control_by_predicted"] == pytest.approx(1.0) and found["control_count"] == 1
