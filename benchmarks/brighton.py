@@ -64,6 +64,7 @@ RANKED = (
     Provenance.ONE_PAIR,
     Provenance.DISPUTED,
     Provenance.VOLUME,
+    Provenance.COARSE,
     Provenance.INCOHERENT,
     Provenance.INTERPOLATED,
 )

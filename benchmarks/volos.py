@@ -83,7 +83,7 @@ GOALS = (
     Goal("orthoimage, PSNR", "-", "evaluation.ortho_psnr"),
     Goal("orthoimage, SSIM", "-", "evaluation.ortho_ssim"),
 )
-CODES = ("agreed", "one_pair", "volume", "disputed", "incoherent", "interpolated")
+CODES = ("agreed", "one_pair", "volume", "disputed", "incoherent", "coarse", "interpolated")
 PLACES = ("", "open_ground_", "roof_", "building_margin_", "tree_")
 
 

@@ -55,12 +55,16 @@ class Provenance(IntEnum):
     INTERPOLATED = 4
     VOLUME = 5
     INCOHERENT = 6
+    COARSE = 7
 
 
 MEASURED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED, Provenance.VOLUME)
 """codes of heights that photographs measured"""
-ESTIMATED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
-"""codes of heights that are a guess, with a standard error of metres; never shown or counted as measured"""
+GUESSED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
+"""codes of heights without evidence of their own, with a standard error of metres"""
+ESTIMATED = (*GUESSED, Provenance.COARSE)
+"""codes of heights that no photographs measured in their own cell: a guess, or the height of what is around; never shown or counted
+as measured"""
 
 
 class HeightSource(IntEnum):
@@ -90,6 +94,7 @@ PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
     (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
     (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
     (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
+    (Provenance.COARSE, "#c2a5cf", "estimated: all photographs together show it on a coarser scale, as a crown without its leaves"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

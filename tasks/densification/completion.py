@@ -7,8 +7,8 @@ import numpy as np
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence
-from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
+from orthomill.tasks.densification.volume.confidence import Confidence
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
 
 class Completion(Settings):
@@ -17,13 +17,13 @@ class Completion(Settings):
     nearness: float = setting(1.0, "Heights of a pair count only within this distance of the volume's.", "cells", gt=0.0, le=20.0)
 
 
-_COMPANY = 50
-"""% of the cells around that go along with a height, below which it stands alone"""
+_COHERENT, _COMPANY = 70, 50
+"""% of the cells around that go along with a height, from which on it is coherent, and below which it stands alone"""
 
 
 class VolumeWindow(NamedTuple):
     """The volume over the cells of a tile: heights (rows, cols) float32 m, NaN where fewer than two photographs see the
-    place; judgement (rows, cols, 4) uint8; confidence (rows, cols) uint8 codes of Confidence."""
+    place; judgement (rows, cols, 5) uint8; confidence (rows, cols) uint8 codes of Confidence."""
 
     height: np.ndarray
     judgement: np.ndarray
@@ -34,6 +34,11 @@ class VolumeWindow(NamedTuple):
         return (self.confidence == Confidence.HIGH) | ((self.confidence == Confidence.BLURRED) & matched)
 
     @property
+    def coherent(self) -> np.ndarray:
+        """(rows, cols) bool: heights with which the cells around go along."""
+        return self.judgement[..., Judgement.COHERENCE] >= _COHERENT
+
+    @property
     def stray(self) -> np.ndarray:
         """(rows, cols) bool: estimates with which most of the cells around do not go along."""
         return (self.confidence == Confidence.LOW) & (self.judgement[..., Judgement.COHERENCE] < _COMPANY)
@@ -42,7 +47,17 @@ class VolumeWindow(NamedTuple):
     def size(self) -> np.ndarray:
         """(rows, cols) float32: cells along the side of what a height stands for; where bases are narrow, steps that are as one."""
         stretch = np.maximum(self.judgement[..., Judgement.STRETCH] * np.float32(1.0 / STRETCH_UNIT), np.float32(1.0))
-        return np.where(self.confidence == Confidence.CALMED, np.float32(SQUARE), stretch)
+        return np.where(self.alone, np.maximum(np.exp2(self.level), stretch), stretch)
+
+    @property
+    def alone(self) -> np.ndarray:
+        """(rows, cols) bool: heights of places where no finest height goes along with its neighbours."""
+        return np.isin(self.confidence, (Confidence.CALMED, Confidence.COARSE)) & np.isfinite(self.height)
+
+    @property
+    def level(self) -> np.ndarray:
+        """(rows, cols) float32: the level whose steps say what heights are worth that stand alone."""
+        return self.judgement[..., Judgement.LEVEL] * np.float32(1.0 / LEVEL_UNIT)
 
     @property
     def distinctiveness(self) -> np.ndarray:
@@ -59,15 +74,17 @@ class VolumeWindow(NamedTuple):
 def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
     """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled.
 
-    Where the volume is not confident, what pairs found near it is an estimate as well: they started from there.
+    Where the volume is not confident, what pairs found near it is an estimate as well: they started from there. Where it stands
+    alone, pairs do not enter: each would follow another leaf.
     """
-    matched = np.isfinite(cells.height)
+    matched = np.isfinite(cells.height) & ~volume.alone
     added = ~matched & np.isfinite(volume.height)
     unsure = np.isfinite(volume.height) & ~volume.confident(matched)
     code = np.where(added, np.uint8(Provenance.VOLUME), cells.provenance)
+    estimate = np.where(volume.confidence == Confidence.COARSE, np.uint8(Provenance.COARSE), np.uint8(Provenance.INCOHERENT))
     return FusedCells(
         np.where(added, volume.height, cells.height),
-        cells.precision,
-        cells.count,
-        np.where(unsure, np.uint8(Provenance.INCOHERENT), code),
+        np.where(volume.alone, np.float32(np.nan), cells.precision),
+        np.where(volume.alone, np.uint8(0), cells.count),
+        np.where(unsure, estimate, code),
     )

@@ -132,7 +132,7 @@ def make_surface(
     """
     grid, volume = tile.surface.grid, VolumeWindow(height, judgement, confidence)
     cell = grid.cell
-    # A calmed height is one of a whole square.
+    # A height of a coarser level stands for all that its cells hold.
     stack = HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)
     photos = tuple(dict.fromkeys(name for piece in tile.pieces for name in (piece.pair.left, piece.pair.right)))
     collector = PointCollector(grid, tile.window, photos, rules.points)
@@ -165,7 +165,7 @@ def finished_cells(
     rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
-    cells = _cropped(with_distance(whole, grid.cell), tile)
+    cells = _cropped(with_distance(whole, grid.cell, volume.alone | (volume.coherent & (rated.count > 0))), tile)
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
     return cells, datum, _statistics(cells, datum, int(spiky[_inner(tile)].sum()), grid.cell)

@@ -48,6 +48,7 @@ CODE_GROUPS: tuple[tuple[str, str, tuple[Provenance, ...]], ...] = (
     ("disputed", "heights of pairs that disagree", (Provenance.DISPUTED,)),
     ("volume", "heights of all photographs together", (Provenance.VOLUME,)),
     ("incoherent", "incoherent heights", (Provenance.INCOHERENT,)),
+    ("coarse", "heights of a coarser scale", (Provenance.COARSE,)),
     ("interpolated", "interpolated heights", (Provenance.INTERPOLATED,)),
 )
 """name in figures, words in the report, and the codes that are combined"""

@@ -9,8 +9,8 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.datum_precision import SPACING, datum_precision
-from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence
-from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
+from orthomill.tasks.densification.volume.confidence import Confidence
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
 
 def cells_of(*heights: float) -> FusedCells:
@@ -32,13 +32,22 @@ def test_the_volume_gives_what_pairs_do_not():
     assert found.height[0].tolist()[:3] == [5.0, 6.0, 7.0] and np.isnan(found.height[0, 3])
     codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.INCOHERENT]
     assert found.provenance[0].tolist() == codes and found.count[0].tolist() == [1, 0, 0, 0, 0]
-    assert volume.size[0].tolist() == [1, 1, 1, 1, SQUARE]
+    assert volume.size[0].tolist() == [1, 1, 1, 1, 1]
 
 
-def test_pairs_count_farther_from_a_height_of_narrow_bases():
-    volume = volume_of((5.0, 5.0, 5.0), (Confidence.HIGH, Confidence.HIGH, Confidence.CALMED))
+def test_pairs_count_farther_from_a_height_of_narrow_bases_or_of_a_coarser_level():
+    volume = volume_of((5.0, 5.0, 5.0), (Confidence.HIGH, Confidence.HIGH, Confidence.COARSE))
     volume.judgement[..., Judgement.STRETCH] = (0, 3.5 * STRETCH_UNIT, 3.5 * STRETCH_UNIT)
-    assert volume.size[0].tolist() == [1.0, 3.5, SQUARE]
+    volume.judgement[..., Judgement.LEVEL] = 3 * LEVEL_UNIT
+    assert volume.size[0].tolist() == [1.0, 3.5, 8.0]
+
+
+def test_where_leaves_stand_alone_the_coarser_level_counts_and_no_pair():
+    found = completed(
+        cells_of(5.0, 5.0, np.nan), volume_of((5.2, 5.2, 5.2), (Confidence.COARSE, Confidence.CALMED, Confidence.COARSE))
+    )
+    assert found.provenance[0].tolist() == [Provenance.COARSE, Provenance.INCOHERENT, Provenance.COARSE]
+    assert found.height[0] == pytest.approx(5.2) and np.isnan(found.precision).all() and not found.count.any()
 
 
 def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():

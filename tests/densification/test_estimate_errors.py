@@ -14,10 +14,14 @@ def coded(provenance: np.ndarray) -> FusedCells:
     return FusedCells(np.zeros(shape, np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), provenance)
 
 
+def widened(codes: np.ndarray, cell: float, known: bool = False) -> FusedCells:
+    return with_distance(coded(codes), cell, np.full(codes.shape, known))
+
+
 def test_an_estimate_is_the_worse_the_farther_it_is_from_measured_ground():
     codes = np.full((21, 260), Provenance.AGREED, np.uint8)
     codes[:, 10:250] = Provenance.INCOHERENT
-    found = with_distance(coded(codes), 0.05).precision[10]
+    found = widened(codes, 0.05).precision[10]
     assert (found[:10] == np.float32(0.1)).all() and found[10] > 0.1
     assert (np.diff(found[10:70]) > 0).all() and found[75:180] == pytest.approx(found[80]) and 6 < found[80] < 8
 
@@ -25,21 +29,29 @@ def test_an_estimate_is_the_worse_the_farther_it_is_from_measured_ground():
 def test_no_estimate_is_worse_than_things_are_high():
     codes = np.full((21, 260), Provenance.AGREED, np.uint8)
     codes[:, 10:250] = Provenance.INTERPOLATED
-    assert with_distance(coded(codes), 5.0).precision.max() == pytest.approx(10.0, rel=1e-3)
+    assert widened(codes, 5.0).precision.max() == pytest.approx(10.0, rel=1e-3)
 
 
 def test_single_measured_cells_in_a_crown_make_no_ground():
     codes = np.full((31, 31), Provenance.AGREED, np.uint8)
     codes[8:23, 8:23] = Provenance.INCOHERENT
-    around = with_distance(coded(codes), 1.0).precision[15, 14]
+    around = widened(codes, 1.0).precision[15, 14]
     codes[15, 15] = Provenance.AGREED
-    assert with_distance(coded(codes), 1.0).precision[15, 14] == around
-    assert with_distance(coded(codes), 1.0).precision[15, 15] == np.float32(0.1)
+    assert widened(codes, 1.0).precision[15, 14] == around
+    assert widened(codes, 1.0).precision[15, 15] == np.float32(0.1)
+
+
+def test_what_a_cell_knows_itself_no_distance_overrides():
+    codes = np.full((5, 60), Provenance.COARSE, np.uint8)
+    codes[:, 20:40], codes[:, 40:] = Provenance.INCOHERENT, Provenance.INTERPOLATED
+    knowing, guessing = (widened(codes, 1.0, known).precision[2] for known in (True, False))
+    assert (knowing[:40] == np.float32(0.1)).all() and (guessing[:20] == np.float32(0.1)).all()
+    assert (guessing[20:] > 1).all() and (knowing[40:] > 1).all()
 
 
 def test_without_any_measured_cell_every_estimate_is_a_far_one():
     codes = np.full((5, 5), Provenance.INTERPOLATED, np.uint8)
-    assert (with_distance(coded(codes), 1.0).precision >= 10).all()
+    assert (widened(codes, 1.0).precision >= 10).all()
 
 
 def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are_groundless():

@@ -7,7 +7,8 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.standard_errors import SHARE, height_range, relative_precision, unevenness
-from orthomill.tasks.densification.volume.quality import STRETCH_UNIT, Judgement
+from orthomill.tasks.densification.volume.confidence import Confidence
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
 SHAPE = (9, 15)
 STEP = 2.0
@@ -47,6 +48,20 @@ def test_slopes_and_walls_are_rated_as_level_ground_is():
     slope = (0.5 * np.indices((20, 30))[1]).astype(np.float32)
     for height in (slope, np.where(slope < 7, slope, slope + 8).astype(np.float32)):
         assert rated(height)[3:-3, 3:-3] == pytest.approx(SHARE * 0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize(("level", "error"), [(0.0, 1.15), (2.0, 4.6)])
+def test_a_height_of_a_coarser_level_is_worth_its_steps(level, error):
+    volume = volume_at(np.random.default_rng(0).normal(10, 3, SHAPE).astype(np.float32))
+    volume.confidence[:] = Confidence.COARSE
+    volume.judgement[..., Judgement.LEVEL] = level * LEVEL_UNIT
+    found = relative_precision(coded(volume.height, Provenance.COARSE), volume, STEP)
+    assert found == pytest.approx(error * STEP, rel=1e-3)
+
+
+def test_where_a_pair_decided_between_near_rivals_the_heights_around_count():
+    clear, strained = (rated(wall(), distinctiveness=distinctiveness)[4] for distinctiveness in (0.75, 0.65))
+    assert strained[6] == pytest.approx(np.hypot(clear[6], 0.3 * 6), rel=0.02) and strained[2] < 1.5 * clear[2]
 
 
 def test_a_height_without_standing_may_be_that_of_a_rival_some_steps_away():

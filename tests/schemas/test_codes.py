@@ -25,7 +25,16 @@ NUMBERS = {
         "OCCLUDED": 9,
         "IMPRECISE": 10,
     },
-    Provenance: {"EMPTY": 0, "ONE_PAIR": 1, "AGREED": 2, "DISPUTED": 3, "INTERPOLATED": 4, "VOLUME": 5, "INCOHERENT": 6},
+    Provenance: {
+        "EMPTY": 0,
+        "ONE_PAIR": 1,
+        "AGREED": 2,
+        "DISPUTED": 3,
+        "INTERPOLATED": 4,
+        "VOLUME": 5,
+        "INCOHERENT": 6,
+        "COARSE": 7,
+    },
     Material: {"OPEN_GROUND": 1, "FIELD": 2, "ROAD": 3, "ROOF": 4, "TREE": 5, "WATER": 6, "VEHICLE": 7, "WIRE": 8},
 }
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from orthomill.schemas.job import Job, MapFile, Raster, Region, Table
+from orthomill.schemas.job import Job, MapFile, Raster, Reading, Region, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
@@ -22,7 +22,7 @@ def volume_height(level: int) -> str:
 
 
 def volume_quality(level: int) -> str:
-    """uint8 (rows, cols, 4), see `Band`."""
+    """uint8 (rows, cols, 5), see `Band`."""
     return f"densification/volume/{level}/quality"
 
 
@@ -33,7 +33,7 @@ GUIDE_REACH = "densification/guide_reach"
 JUDGED_HEIGHT = "densification/volume/height"
 """float32 m, NaN where fewer than two photographs show the cell"""
 JUDGEMENT = "densification/volume/judgement"
-"""uint8 (rows, cols, 3), see `Judgement`"""
+"""uint8 (rows, cols, 5), see `Judgement`"""
 CONFIDENCE = "densification/volume/confidence"
 """uint8 codes of Confidence"""
 
@@ -45,7 +45,7 @@ def volume_plan(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: s
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
             yield _job(tile, scene, stage)
-    yield from _judged(scene.surface.grid, limits, stage, crs)
+    yield from _judged(scene, limits, stage, crs)
 
 
 def guided_terrain_plan(
@@ -106,27 +106,34 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     )
 
 
-def _judged(grid: MapGrid, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """Which heights of the finest level count as measured."""
+def _judged(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """Which heights of the finest level count as measured, and those of coarser levels where they stand alone."""
+    grid = scene.surface.grid
     yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
     yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement), colours=False)
     yield map_raster(CONFIDENCE, grid, "uint8", crs, SIDE)
     names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
+    shapes = [level.grid.shape for level in reversed(scene.levels)]
     for tile in tiles_of(grid.shape, SIDE):
-        judging = JudgedTile.of(tile.window, grid.shape, terrain_grid(grid).shape)
+        judging = JudgedTile.of(tile.window, shapes, terrain_grid(grid).shape)
+        coarser = list(enumerate(judging.levels.read))[1:]
+        reads: dict[str, Reading] = {
+            "height": Raster(volume_height(0), judging.around),
+            "quality": Raster(volume_quality(0), judging.around),
+            "terrain": Raster(TERRAIN, judging.places),
+        }
+        if coarser:
+            reads["coarser_heights"] = tuple(Raster(volume_height(level), window) for level, window in coarser)
+            reads["coarser_qualities"] = tuple(Raster(volume_quality(level), window) for level, window in coarser)
         yield Job(
             stage=stage,
             item="volume",
             function=judged,
-            reads={
-                "height": Raster(volume_height(0), judging.around),
-                "quality": Raster(volume_quality(0), judging.around),
-                "terrain": Raster(TERRAIN, judging.places),
-            },
+            reads=reads,
             writes={key: Raster(name, tile.window) for key, name in names.items()},
-            params={"tile": judging, "settings": limits},
+            params={"tile": judging, "settings": limits, "step": scene.levels[-1].step},
             row=tile.row,
             col=tile.col,
-            # Running sums in int64 of two quantities, their slices, and sorted copies of the heights.
-            scratch=120 * judging.around.height * judging.around.width,
+            # Running sums in int64 of two quantities and their slices; of the levels, five float64 bands and their copies.
+            scratch=280 * judging.around.height * judging.around.width,
         )

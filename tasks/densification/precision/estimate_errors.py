@@ -1,13 +1,14 @@
-"""Standard errors of estimates: the farther from what was measured, the worse; and those that know nothing at all.
+"""Standard errors of guesses: the farther from what was measured, the worse; and those that know nothing at all.
 
 Strategy. Where photographs disagree something stands or moves, about as high as it is wide: what lies a distance away from measured
-ground may be that much higher, until it is as uncertain as trees and houses are high.
+ground may be that much higher, until it is as uncertain as trees and houses are high. A height of which photographs say something
+themselves (neighbours go along with it and a pair matched there, or it is the height of a coarser level) keeps what they say.
 """
 
 import numpy as np
 from scipy import ndimage
 
-from orthomill.schemas.surface import ESTIMATED, MEASURED
+from orthomill.schemas.surface import GUESSED, MEASURED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.standard_errors import REACH, extremes
 from orthomill.tasks.densification.volume.quality import box_sums
@@ -22,17 +23,18 @@ CODE_REACH = _FARTHEST + _CORE
 """cells around an estimate whose codes enter its standard error"""
 
 
-def with_distance(cells: FusedCells, cell: float) -> FusedCells:
-    """The cells with the standard errors of estimates widened by their distance to measured ones; cell: its side, m."""
-    estimated = np.isin(cells.provenance, ESTIMATED)
-    if not estimated.any():
+def with_distance(cells: FusedCells, cell: float, known: np.ndarray) -> FusedCells:
+    """The cells with the standard errors of guesses widened by their distance to measured ones; cell: its side, m; known
+    (rows, cols) bool: heights that are no mere guess."""
+    guessed = np.isin(cells.provenance, GUESSED) & ~(known & (cells.provenance == Provenance.INCOHERENT))
+    if not guessed.any():
         return cells
     measured = box_sums(np.isin(cells.provenance, MEASURED), _CORE)
     ground = measured > _MOSTLY * box_sums(np.ones(measured.shape, bool), _CORE)
     # Without any measured cell the distance would be that to the edge of the array.
     distance = ndimage.distance_transform_edt(~ground) if ground.any() else np.full(ground.shape, _FARTHEST)
     widened = np.hypot(cells.precision, np.minimum(_RISE * cell * np.minimum(distance, _FARTHEST), _TALLEST))
-    return FusedCells(cells.height, np.where(estimated, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
+    return FusedCells(cells.height, np.where(guessed, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
 
 
 def groundless(cells: FusedCells) -> np.ndarray:

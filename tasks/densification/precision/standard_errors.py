@@ -10,8 +10,10 @@ Of a height that pairs matched also:
 - unevenness: windows overlap, so that heights next to each other share their errors, and a sound surface is smooth. Where it is not
   (below leaves, beside edges and wires), windows are drawn from one surface to another by amounts that change from cell to cell.
   Slopes and walls are no unevenness, so what counts is the middle one of the departures around from what neighbours let expect.
-Estimates are worse by their distance to what was measured (estimate_errors.py); windows that know no walls are rated otherwise
-(wall_blind_errors.py).
+- strain: where rivals are beaten less clearly than elsewhere and a pair decided, windows see two surfaces in part; what these are
+  apart is a share of the height differences around.
+Heights that stand alone are rated by the level that shows them (coherent_levels.py), guesses are worse by their distance to what
+was measured (estimate_errors.py); windows that know no walls are rated otherwise (wall_blind_errors.py).
 
 The numbers below were fitted to a simulated scene so that the shares within two are alike in all its classes of ground and for one
 pair and several, and tested on another scene and on disjoint strips of a real block (benchmarks).
@@ -23,6 +25,7 @@ from scipy import ndimage
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.volume.coherent_levels import standard_errors
 from orthomill.tasks.densification.volume.quality import box_sums
 from orthomill.tasks.matching.dense.unevenness import AROUND, unevenness
 
@@ -44,6 +47,9 @@ _DIFFER = 2
 """cells away up to which heights differ by what unevenness adds at most"""
 _STRANGE, _SQUARE = 0.9, 4
 """times the scatter of the volume about the pairs in cells up to so far away, where nothing measured any of these"""
+_STRAINED, _STRAIN, _TORN = 0.7, 0.3, 2
+"""distinctiveness below which a height is strained, the share of the height differences that this adds, and how many cells away
+these count"""
 REACH = max(_BESIDE, _SQUARE, _DIFFER, AROUND // 2 + 1)
 """cells around a cell whose heights enter its standard error"""
 
@@ -53,7 +59,8 @@ def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> 
     least = ndimage.minimum_filter(volume.distinctiveness, 3, mode="nearest")
     doubt = np.float32(_DOUBT * step) * volume.size * np.exp(-least / np.float32(_CLEAR))
     parts = matched_precision(cells, volume, step), doubt, _strangeness(cells, volume, step), _unevenness_error(cells)
-    sigma = np.sqrt(sum(part.astype(float) ** 2 for part in parts))
+    sigma = np.sqrt(sum(part.astype(float) ** 2 for part in (*parts, _strain(cells, volume))))
+    sigma = np.where(volume.alone, standard_errors(volume.level, step), sigma)
     return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
 
 
@@ -68,6 +75,12 @@ def _unevenness_error(cells: FusedCells) -> np.ndarray:
     # The volume's heights are each cell's own, as uneven as its steps are wide.
     uneven = np.minimum(np.float32(_UNEVEN) * unevenness(cells.height), height_range(cells.height, _DIFFER))
     return np.where(np.isfinite(cells.precision), uneven, np.float32(0))
+
+
+def _strain(cells: FusedCells, volume: VolumeWindow) -> np.ndarray:
+    """What a decision between near rivals adds to heights that pairs matched (rows, cols), m; 0 elsewhere."""
+    strained = np.isfinite(cells.precision) & (volume.distinctiveness < _STRAINED) & np.isfinite(volume.height)
+    return np.where(strained, np.float32(_STRAIN) * height_range(cells.height, _TORN), np.float32(0))
 
 
 def _strangeness(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:

@@ -1,13 +1,13 @@
-"""Which heights of the finest level count as measured, and calmer ones where they stand alone far and wide.
+"""Which heights of the finest level count as measured, and those of coarser levels where they stand alone far and wide.
 
 Strategy. A height counts as measured where those around go along with it, it beats its rivals as clearly as is usual here, none of
-them lies far away, and two photographs or more see all of its surroundings. Where only the rivals are too far away (grass, in which
-the next heights fit nearly as well), a pair that matched there decides among them. The others are estimates. In a wood or on
-water, where every leaf and wave has a height of its own that no neighbour shares, estimates are calmed: medians of squares, medians
-of those, interpolated; a rough guess would hide ground from photographs that no other rough guess reveals. How far they depart from
-the terrain of the tie points is believed as far as their scatter supports it, and upwards only: crowns stand out from it.
+them lies far away, and two photographs or more see all of its surroundings. Where only its rivals are too far away (grass, in which
+the next heights fit nearly as well), or are beaten less clearly than is usual, a pair that matched there decides. The others are
+estimates. In a wood or on water, where every leaf and wave has a height of its own that no neighbour shares, the surface is that of
+the finest level on which the place is coherent (coherent_levels.py).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import ClassVar, NamedTuple
@@ -17,9 +17,9 @@ from scipy import ndimage
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
+from orthomill.tasks.densification.volume.coherent_levels import LevelWindows, shown_heights
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around
-from orthomill.tasks.imagery.resampling import between
 from orthomill.tasks.matching.volume.winners import COHERENCE_HALF
 
 
@@ -34,16 +34,22 @@ class ConfidenceLimits(Settings):
     rival_spread: float = setting(
         1.6, "How far from it heights may lie, on average, that fit nearly as well.", "heights", ge=0.0, le=15.0
     )
+    with_pair: float = setting(
+        0.5, "The same as distinctiveness, for heights near which a pair matched; they may be spread.", ge=0.0, le=2.5
+    )
 
     def coherent(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 4): the surroundings go along, and its rivals are beaten."""
-        return (judged[..., Judgement.COHERENCE] >= 100 * self.coherence) & (
-            judged[..., Judgement.DISTINCTIVENESS] >= 100 * self.distinctiveness
-        )
+        """(rows, cols) bool from a judgement (rows, cols, 5): the surroundings go along."""
+        return judged[..., Judgement.COHERENCE] >= 100 * self.coherence
 
-    def sharp(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 4): its rivals are near."""
-        return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.rival_spread
+    def clear(self, judged: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are beaten, and near."""
+        beaten = judged[..., Judgement.DISTINCTIVENESS] >= 100 * self.distinctiveness
+        return beaten & (judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.rival_spread)
+
+    def passable(self, judged: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool from a judgement (rows, cols, 5): clear enough for a pair to decide."""
+        return judged[..., Judgement.DISTINCTIVENESS] >= 100 * min(self.with_pair, self.distinctiveness)
 
 
 class Confidence(IntEnum):
@@ -53,11 +59,13 @@ class Confidence(IntEnum):
     LOW = 1
     CALMED = 2
     BLURRED = 3
-    """high but for rivals that fit nearly as well: measured where a pair decides among them"""
+    """high but for its rivals, which fit nearly as well, or are farther away: measured where a pair decides among them"""
+    COARSE = 4
+    """calmed, and shown by a coarser level"""
 
 
 class JudgedVolume(NamedTuple):
-    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 4) uint8 and `confidence`, uint8 codes of
+    """A tile: `height` (rows, cols) float32 m, `judgement` (rows, cols, 5) uint8 and `confidence`, uint8 codes of
     Confidence."""
 
     height: np.ndarray
@@ -65,14 +73,6 @@ class JudgedVolume(NamedTuple):
     confidence: np.ndarray
 
 
-SQUARE = 8
-"""cells along the side of the squares whose medians make a calmed surface"""
-_PATCH = 2
-"""squares on every side whose medians count"""
-_SUPPORT = 4.0
-"""standard errors of a median by which it must depart from the terrain to be believed in part"""
-_OF_MEDIAN = 1.4826 * 1.2533
-"""standard error of the median of one normal value, from the median of absolute deviations"""
 _FAR = 18
 """cells on every side whose mean coherence says whether a height stands alone far and wide"""
 _COMPANY = 50
@@ -81,40 +81,56 @@ _COMPANY = 50
 
 @dataclass(frozen=True)
 class JudgedTile:
-    """A tile of the finest level, the cells around it that influence it, in whole squares, and the places of the terrain around."""
+    """A tile of the finest level, the cells around it that influence it, the windows of all levels that do, and the places of the
+    terrain around the tile."""
 
     window: Window
     around: Window
+    levels: LevelWindows
     places: Window
 
     @classmethod
-    def of(cls, window: Window, shape: tuple[int, int], terrain_shape: tuple[int, int]) -> "JudgedTile":
-        """shape: of the finest level; terrain_shape: of the raster of the terrain."""
-        squares = window.reduced(SQUARE).grown(max(_PATCH + 1, SURROUNDINGS // SQUARE + 1))
-        around = squares.scaled(SQUARE).clipped(shape)
-        return cls(window, around, places_around(around, 1, terrain_shape))
+    def of(cls, window: Window, shapes: Sequence[tuple[int, int]], terrain_shape: tuple[int, int]) -> "JudgedTile":
+        """shapes: of all levels, the finest first; terrain_shape: of the raster of the terrain."""
+        around = window.grown(SURROUNDINGS).clipped(shapes[0])
+        return cls(window, around, LevelWindows.of(window, shapes), places_around(window, 1, terrain_shape))
 
 
 def judged(
-    tile: JudgedTile, settings: ConfidenceLimits, height: np.ndarray, quality: np.ndarray, terrain: np.ndarray
+    tile: JudgedTile,
+    settings: ConfidenceLimits,
+    height: np.ndarray,
+    quality: np.ndarray,
+    terrain: np.ndarray,
+    step: float,
+    coarser_heights: tuple[np.ndarray, ...] = (),
+    coarser_qualities: tuple[np.ndarray, ...] = (),
 ) -> JudgedVolume:
     """height (rows, cols) m, NaN for none, and quality (rows, cols, 5) of the cells `tile.around`; terrain (rows, cols) m of
-    `tile.places`."""
+    `tile.places`; step: between the heights, m; height and quality of the coarser levels: of `tile.levels.read` from the second
+    on."""
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)
     enclosed = _enclosed(known)
-    coherent, sharp = settings.coherent(judgements) & enclosed, settings.sharp(judgements)
-    alone = known & ~(coherent & sharp) & _alone(quality, known)
+    coherent, clear = settings.coherent(judgements) & enclosed, settings.clear(judgements)
+    alone = known & ~(coherent & clear) & _alone(quality, known)
     confidence = np.select(
-        [coherent & sharp, alone, coherent],
-        [np.uint8(Confidence.HIGH), np.uint8(Confidence.CALMED), np.uint8(Confidence.BLURRED)],
+        [coherent & clear, coherent & settings.passable(judgements), alone],
+        [np.uint8(Confidence.HIGH), np.uint8(Confidence.BLURRED), np.uint8(Confidence.CALMED)],
         np.uint8(Confidence.LOW),
     )
-    calmer = _bordered(height, enclosed)
-    # Most tiles of open ground have nothing to calm, and medians cost more than all the rest.
+    calmer, judgements, confidence = _bordered(height, enclosed)[inner], judgements[inner], confidence[inner]
     if alone[inner].any():
-        calmer = np.where(alone, _calm(height, at_cells(terrain, tile.places, tile.around, 1)), calmer)
-    return JudgedVolume(calmer[inner], judgements[inner], confidence[inner])
+        own, alone = tile.levels.read[0].within(tile.around).slices, alone[inner]
+        heights, qualities = (height[own], *coarser_heights), (quality[own], *coarser_qualities)
+        ground = at_cells(terrain, tile.places, tile.window, 1)
+        shown = shown_heights(tile.levels, heights, [bands[..., Band.COHERENCE] for bands in qualities], ground, step)
+        calmer = np.where(alone, shown.height, calmer)
+        level = np.minimum(np.rint(LEVEL_UNIT * shown.level), 255).astype(np.uint8)
+        judgements[..., Judgement.LEVEL] = np.where(alone, level, np.uint8(0))
+        calmed = alone & shown.shown & (confidence != Confidence.BLURRED)
+        confidence = np.where(calmed, np.uint8(Confidence.COARSE), confidence)
+    return JudgedVolume(calmer, judgements, confidence)
 
 
 def _enclosed(known: np.ndarray) -> np.ndarray:
@@ -136,36 +152,3 @@ def _alone(quality: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: where the mean coherence of the surroundings is too low."""
     total = box_sums(np.where(known, quality[..., Band.COHERENCE], 0), _FAR)
     return total < _COMPANY * box_sums(known, _FAR)
-
-
-def _calm(height: np.ndarray, terrain: np.ndarray) -> np.ndarray:
-    """The heights (rows, cols) without what is narrower than a patch of squares; the first cell begins a square."""
-    patches = _patches(_of_squares(height))
-    middle = _median(patches)
-    scatter = _median(np.abs(patches - middle[..., None])) * np.float32(_OF_MEDIAN / (2 * _PATCH + 1))
-    places = [np.clip((np.arange(size) + 0.5) / SQUARE - 0.5, 0, -(-size // SQUARE) - 1) for size in height.shape]
-    # Crowns rise above the tie points; what lies below them all around is chance, however much it agrees with itself.
-    departure, doubtful = np.maximum(between(middle, *places) - terrain, 0), _SUPPORT * between(scatter, *places)
-    believed = 1 - np.minimum(doubtful / np.maximum(departure, np.float32(1e-6)), 1) ** 2
-    return np.where(np.isfinite(height), terrain + believed * departure, np.nan).astype(np.float32)
-
-
-def _of_squares(height: np.ndarray) -> np.ndarray:
-    """Median height of every square; the last ones may be smaller."""
-    rows, cols = (-(-size // SQUARE) for size in height.shape)
-    spare = [(0, n * SQUARE - size) for n, size in zip((rows, cols), height.shape, strict=True)]
-    whole = np.pad(height, spare, constant_values=np.nan)
-    return _median(whole.reshape(rows, SQUARE, cols, SQUARE).swapaxes(1, 2).reshape(rows, cols, -1))
-
-
-def _patches(squares: np.ndarray) -> np.ndarray:
-    """The squares around each (rows, cols, squares)."""
-    side = 2 * _PATCH + 1
-    spare = np.pad(squares, _PATCH, constant_values=np.nan)
-    return np.lib.stride_tricks.sliding_window_view(spare, (side, side)).reshape(*squares.shape, -1)
-
-
-def _median(values: np.ndarray) -> np.ndarray:
-    """Medians of the last axis without NaN; the lower one of two, NaN without any."""
-    ordered, count = np.sort(values, axis=-1), np.isfinite(values).sum(axis=-1)
-    return np.take_along_axis(ordered, np.maximum(count - 1, 0)[..., None] // 2, axis=-1)[..., 0]

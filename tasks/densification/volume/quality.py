@@ -8,6 +8,8 @@ SPREAD_UNIT = 16
 """spreads of the raster per step between heights"""
 STRETCH_UNIT = 16
 """stretches of the raster per step between heights"""
+LEVEL_UNIT = 24
+"""parts of a level in the raster"""
 
 
 class Band(IntEnum):
@@ -35,7 +37,7 @@ def quality_bands(
 
 
 class Judgement(IntEnum):
-    """The bands (rows, cols, 4) uint8 of a raster that judges the finest level."""
+    """The bands (rows, cols, 5) uint8 of a raster that judges the finest level."""
 
     COHERENCE = 0
     """as `Band.COHERENCE`"""
@@ -45,6 +47,8 @@ class Judgement(IntEnum):
     """root mean square spread of a cell and its neighbours, 1/SPREAD_UNIT steps"""
     STRETCH = 3
     """as `Band.STRETCH`"""
+    LEVEL = 4
+    """the level whose steps say what a height is worth that stands alone at the finest, 1/LEVEL_UNIT levels"""
 
 
 SURROUNDINGS = 32
@@ -54,8 +58,8 @@ _MOST = 100
 
 
 def judgement(quality: np.ndarray) -> np.ndarray:
-    """(rows, cols, 4) uint8, see `Judgement`, of a quality (rows, cols, 5); cells nearer than SURROUNDINGS to an edge that is not
-    one of the whole raster differ.
+    """(rows, cols, 5) uint8, see `Judgement`, of a quality (rows, cols, 5), without a level; nearer than SURROUNDINGS to an edge
+    that is not one of the whole raster cells differ.
 
     How much worse rivals fit depends on texture, noise and the number of photographs. All of these change slowly: a place where
     the margin is far below that of its surroundings is one where the photographs differ (leaves, something that moved, an edge).
@@ -67,7 +71,8 @@ def judgement(quality: np.ndarray) -> np.ndarray:
     usual = np.maximum(box_sums(margin, SURROUNDINGS), 1) / wide
     distinctiveness = 100 * box_sums(margin, 1) / near / usual
     spread = np.rint(np.sqrt(box_sums(squares, 1) / near))
-    bands = quality[..., Band.COHERENCE], np.rint(distinctiveness), spread, quality[..., Band.STRETCH]
+    no_level = np.zeros(known.shape, np.uint8)
+    bands = quality[..., Band.COHERENCE], np.rint(distinctiveness), spread, quality[..., Band.STRETCH], no_level
     return np.stack([np.minimum(band, 255).astype(np.uint8) for band in bands], axis=-1)
 
 

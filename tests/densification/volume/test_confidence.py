@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.volume.confidence import SQUARE, Confidence, ConfidenceLimits, JudgedTile, judged
-from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, Band, Judgement, judgement, quality_bands
+from orthomill.tasks.densification.volume.coherent_levels import standard_errors
+from orthomill.tasks.densification.volume.confidence import Confidence, ConfidenceLimits, JudgedTile, judged
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, Band, Judgement, judgement, quality_bands
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 
 SHAPE = (80, 104)
@@ -24,10 +25,19 @@ def quality(coherence: float, spread: float = 0.0, shape=SHAPE) -> np.ndarray:
     return quality_bands(full(0.5), full(coherence), full(3), full(spread), full(1.0))
 
 
-def judge(height, bands, window=WHOLE, rules=None, terrain=0.0):
-    tile = JudgedTile.of(window, SHAPE, TERRAIN_SHAPE)
+SHAPES = [SHAPE, (40, 52), (20, 26)]
+STEP = 0.5
+
+
+def judge(height, bands, window=WHOLE, rules=None, terrain=0.0, coarser=None):
+    """coarser: heights and qualities of the levels beyond the finest; by default none of them is coherent."""
+    tile = JudgedTile.of(window, SHAPES, TERRAIN_SHAPE)
     ground = np.full(tile.places.shape, terrain, np.float32)
-    return judged(tile, rules or ConfidenceLimits(), height[tile.around.slices], bands[tile.around.slices], ground)
+    levels = coarser or [(np.zeros(shape, np.float32), quality(0.1, shape=shape)) for shape in SHAPES[1:]]
+    cut = [tuple(values[read.slices] for values in level) for level, read in zip(levels, tile.levels.read[1:], strict=True)]
+    heights, qualities = zip(*cut, strict=True)
+    own = height[tile.around.slices], bands[tile.around.slices]
+    return judged(tile, rules or ConfidenceLimits(), *own, ground, STEP, heights, qualities)
 
 
 def level(height: float = 50.0) -> np.ndarray:
@@ -43,12 +53,13 @@ def level(height: float = 50.0) -> np.ndarray:
         (0.9, 2.5, ConfidenceLimits(), Confidence.BLURRED),
         (0.6, 2.5, ConfidenceLimits(), Confidence.LOW),
         (0.9, 2.5, ConfidenceLimits(rival_spread=3.0), Confidence.HIGH),
-        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2), Confidence.LOW),
+        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2), Confidence.BLURRED),
+        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2, with_pair=1.2), Confidence.LOW),
         (0.3, 0.0, ConfidenceLimits(), Confidence.CALMED),
     ],
 )
 def test_coherence_and_rivals_decide(coherence, spread, rules, confidence):
-    found = judge(level(), quality(coherence, spread), rules=rules)
+    found = judge(level(), quality(coherence, spread), rules=rules, terrain=50.0)
     assert (found.confidence[INNER] == confidence).all() and (found.height == 50).all()
 
 
@@ -86,22 +97,62 @@ def test_a_few_cells_that_stand_alone_are_not_calmed():
     assert (found.height == height).all()
 
 
-def test_calmed_heights_follow_the_crowns_and_not_the_leaves():
-    crowns = 20 + 0.05 * np.indices(SHAPE)[1]
-    leaves = np.random.default_rng(0).normal(0, 3, SHAPE)
-    found = judge((crowns + leaves).astype(np.float32), quality(0.2))
-    assert (found.confidence == Confidence.CALMED).all()
-    assert np.abs(found.height - crowns)[SQUARE:-SQUARE, SQUARE:-SQUARE].max() < 1.5
+def crowns(shape, cell):
+    row, col = ((np.arange(size) + 0.5) * cell for size in shape)
+    return (20 + 3 * np.sin(row / 15)[:, None] + 0.05 * col).astype(np.float32)
 
 
-def test_chance_on_water_gives_way_to_the_terrain():
-    chance = np.random.default_rng(1).uniform(-40, 60, SHAPE).astype(np.float32)
-    found = judge(chance, quality(0.2), terrain=3.0)
-    assert np.abs(found.height - 3).mean() < 3 < np.abs(chance - 3).mean() / 5
+def test_where_leaves_stand_alone_the_surface_is_that_of_the_level_that_shows_the_crowns():
+    rng = np.random.default_rng(0)
+    leaves = (crowns(SHAPE, 1) + rng.normal(0, 3, SHAPE)).astype(np.float32)
+    levels = [
+        (crowns(shape, cell), quality(share, shape=shape)) for shape, cell, share in ((SHAPES[1], 2, 0.9), (SHAPES[2], 4, 0.9))
+    ]
+    found = judge(leaves, quality(0.2), coarser=levels)
+    assert (found.confidence == Confidence.COARSE).all()
+    assert np.abs(found.height - crowns(SHAPE, 1))[8:-8, 8:-8].max() < 0.15
+    assert (found.judgement[..., Judgement.LEVEL] == LEVEL_UNIT).all()
 
 
-def test_guesses_below_the_terrain_are_not_believed():
-    assert (judge(level(-40.0), quality(0.2), terrain=3.0).height == 3).all()
+def test_levels_pass_into_one_another_without_a_step():
+    """The finer one shows the left half, a metre higher than the coarser one; coherence falls over the nine cells it looks at."""
+    share = np.clip(1.1 - (np.arange(52) - 22) / 9, 0.1, 0.9)
+    fine = quality(0.9, shape=SHAPES[1])
+    fine[..., Band.COHERENCE] = np.rint(100 * share)
+    levels = [(np.full(SHAPES[1], 21.0, np.float32), fine), (np.full(SHAPES[2], 20.0, np.float32), quality(0.95, shape=SHAPES[2]))]
+    found = judge(level(300.0), quality(0.2), coarser=levels)
+    assert found.height[40, :40] == pytest.approx(21) and found.height[40, 70:] == pytest.approx(20)
+    assert (np.diff(found.height[40]) <= 1e-5).all() and -np.diff(found.height[40]).min() < 0.3
+    sizes = found.judgement[40, :, Judgement.LEVEL] / LEVEL_UNIT
+    assert sizes[0] == 1 and sizes[-1] == 2 and (np.diff(sizes) >= 0).all()
+
+
+def test_chance_on_water_gives_way_to_the_tie_points_and_says_how_it_scatters():
+    rng = np.random.default_rng(1)
+    chance = [rng.uniform(-40, 60, shape).astype(np.float32) for shape in SHAPES]
+    found = judge(
+        chance[0], quality(0.2), terrain=3.0, coarser=[(values, quality(0.2, shape=values.shape)) for values in chance[1:]]
+    )
+    assert (found.confidence == Confidence.CALMED).all() and found.height == pytest.approx(3)
+    stated = standard_errors(found.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP)
+    assert stated[20:-20, 20:-20] == pytest.approx(100 / np.sqrt(12), rel=0.25)
+
+
+def test_what_no_level_shows_is_never_better_than_a_crown_is_deep():
+    still = judge(
+        level(), quality(0.2), coarser=[(np.full(shape, 50, np.float32), quality(0.2, shape=shape)) for shape in SHAPES[1:]]
+    )
+    assert standard_errors(still.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP) == pytest.approx(2.0, rel=0.03)
+
+
+def test_a_gap_is_closed_from_what_is_shown_around_it():
+    bands = [quality(0.9, shape=shape) for shape in SHAPES[1:]]
+    bands[0][..., Band.COHERENCE] = 10
+    bands[1][8:12, 10:14, Band.COHERENCE] = 10
+    levels = [(np.full(shape, 30.0, np.float32), quality_of) for shape, quality_of in zip(SHAPES[1:], bands, strict=True)]
+    found = judge(level(300.0), quality(0.2), coarser=levels, terrain=0.0)
+    assert (found.confidence[36:44, 44:52] == Confidence.CALMED).all()
+    assert 24 < found.height[40, 48] <= 30
 
 
 @settings(max_examples=25, deadline=None)
@@ -113,7 +164,11 @@ def test_a_window_is_a_window_of_the_whole(seed, row, col, size):
     bands = rng.integers(0, 100, (*SHAPE, len(Band))).astype(np.uint8)
     bands[..., Band.SPREAD] //= 16
     window = Window(row, col, size, size).clipped(SHAPE)
-    part, whole = judge(height, bands, window), judge(height, bands)
+    levels = [
+        (rng.normal(50, 5, shape).astype(np.float32), rng.integers(0, 100, (*shape, len(Band))).astype(np.uint8))
+        for shape in SHAPES[1:]
+    ]
+    part, whole = judge(height, bands, window, coarser=levels), judge(height, bands, coarser=levels)
     for one, other in zip(part, whole, strict=True):
         assert np.array_equal(one, other[window.slices], equal_nan=one.dtype.kind == "f")
 
