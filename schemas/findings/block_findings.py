@@ -43,6 +43,7 @@ from orthomill.schemas.findings.observation_findings import (
     ControlUnmet,
     DistanceContradicted,
     DistanceUnchecked,
+    MarksInAnotherFrame,
     MeasurementsRejected,
     PositionContradicted,
     PositionsAlongView,
@@ -54,6 +55,7 @@ BlockFinding = Annotated[
     | DatumGivenUp
     | PositionsCrowded
     | ControlUnmet
+    | MarksInAnotherFrame
     | TiltUnobserved
     | ControlOnALine
     | DatumMisfit

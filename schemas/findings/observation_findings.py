@@ -33,6 +33,29 @@ class ControlUnmet(SpokenFinding):
         )
 
 
+class MarksInAnotherFrame(SpokenFinding):
+    """The marks of control points are counted in another way than from the upper left corner of the photographs."""
+
+    code: Literal["marks_in_another_frame"] = "marks_in_another_frame"
+    counted: str
+    """how, in words"""
+    change: str
+    """what makes them marks of the photographs, in words"""
+    given_px: float
+    """standard error of a mark by how the rays of points miss each other, as the marks were read"""
+    found_px: float
+    """and counted so"""
+    points: int
+
+    @property
+    def sentence(self) -> str:
+        return (
+            f"The marks of the {self.points} control points are counted {self.counted}: so the rays of a point meet to "
+            f"{self.found_px:.2g} px, and as they were read to {self.given_px:.0f} px. In the list of the marks {self.change}, "
+            "and run again; until then what control says of this block is worth nothing."
+        )
+
+
 class ControlContradicted(SpokenFinding):
     """A control point was left out because it contradicts the block."""
 

@@ -26,6 +26,7 @@ MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
 VECTOR = (0.25, -0.5, 3.0)
 BLOCK_VALUES = {
     "control_unmet": {"points": 3, "measured": 4, "turned": True},
+    "marks_in_another_frame": {"counted": "so", "change": "do that", "given_px": 140.0, "found_px": 0.6, "points": 5},
     "no_datum": {"scaled": True, "scale_share": 0.1},
     "datum_given_up": {"worst": ("P1", "a")},
     "positions_crowded": {},

@@ -28,6 +28,8 @@ NOT_BY_CHANCE = 3
 CONTRADICTED = 2.0
 """The usual misfit of a group that is larger, in stated standard errors, contradicts these: the median of four or more is not twice
 as large by chance."""
+RANK = 1e-14
+"""Of the largest variance of a point: a smaller one is that of a point at infinity, or rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +136,14 @@ def _intersections(network: Network, state: State, rays: Rays, limit: float) -> 
     worst = np.zeros(len(network.point))
     np.maximum.at(worst, alone.rays.point, alone.size)
     # A point without rays has a worst residual of exactly 0.
-    return Intersections(alone.state.point, covariance, (worst < limit) & (worst > 0.0))
+    return Intersections(alone.state.point, covariance, (worst < limit) & (worst > 0.0) & _determined(covariance))
+
+
+def _determined(covariance: np.ndarray) -> np.ndarray:
+    """(N,) bool: points of finite place; rays that belong to different points may be parallel, and meet at infinity."""
+    finite = np.isfinite(covariance).all(axis=(1, 2))
+    size = np.linalg.eigvalsh(np.where(finite[:, None, None], covariance, 0.0))
+    return finite & (size[:, 0] > RANK * size[:, 2])
 
 
 def _control_misfits(network: Network, points: Intersections) -> tuple[np.ndarray, np.ndarray]:

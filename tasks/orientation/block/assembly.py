@@ -109,7 +109,7 @@ def known_of(
 ) -> tuple[State, Known]:
     """The model of a start, with its photographs only, and what is known of these and of the ground; `tops`: the direction to the
     top of those photographs where it is not the y axis of the image system."""
-    model = _model_of(start)
+    model = model_of(start)
     names = tuple(material.names[i] for i in start.photos)
     points = taking_part(control)
     rays = ground_rays(points, {name: i for i, name in enumerate(names)}, cameras)
@@ -136,6 +136,12 @@ def known_of(
 def mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
     """rad: the standard error of the marks in photographs, by how the rays of most points miss each other; 0 for too few points,
     and for what are no marks of these points."""
+    sigma = mark_scatter(rays, found)
+    return 0.0 if sigma > WORST_MARKS else sigma
+
+
+def mark_scatter(rays: Rays, found: ApproximatePoints) -> float:
+    """rad: as `mark_sigma`, however large; 0 for too few points."""
     count = np.bincount(rays.point, minlength=len(found.missed))
     left = 2 * count - 3
     known = (count >= 2) & np.isfinite(found.missed)
@@ -143,8 +149,7 @@ def mark_sigma(rays: Rays, found: ApproximatePoints) -> float:
         return 0.0
     # The median of chi-squared by Wilson and Hilferty: two rays have one number to spare, whose square is mostly small.
     usual = left[known] * (1.0 - 2.0 / (9.0 * left[known])) ** 3
-    sigma = float(np.sqrt(np.median(found.missed[known] ** 2 * count[known] / usual)))
-    return 0.0 if sigma > WORST_MARKS else sigma
+    return float(np.sqrt(np.median(found.missed[known] ** 2 * count[known] / usual)))
 
 
 def meeting(marks: float) -> float:
@@ -158,7 +163,7 @@ def _stated_sigma(rays: Rays, cameras: list[Camera], camera_of: np.ndarray) -> f
     return float(np.median(rays.sigma / constant)) if len(rays) else 0.0
 
 
-def _model_of(start: BlockStart) -> State:
+def model_of(start: BlockStart) -> State:
     """The state of a start with its photographs only; NaN for points that it does not know."""
     return replace(
         start.state,

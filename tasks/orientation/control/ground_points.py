@@ -15,6 +15,9 @@ from orthomill.tasks.adjustment.testing.covariances import points_elsewhere
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.orientation.measurements import ideal, with_interior
 
+PARALLEL = 1e-12
+"""of the weight across the rays: less along them is rounding"""
+
 
 @dataclass(frozen=True, eq=False)
 class ApproximatePoints:
@@ -66,7 +69,9 @@ def _blur(directions: np.ndarray, depth: np.ndarray) -> float:
     if not np.isfinite(depth).all():
         return np.nan
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    return float(np.sqrt(np.trace(np.linalg.inv((across / depth[:, None, None] ** 2).sum(axis=0))) / 3.0))
+    weight = np.linalg.eigvalsh((across / depth[:, None, None] ** 2).sum(axis=0))
+    # Parallel rays, as those of two marks at one place of two photographs that stand still, determine no depth.
+    return float(np.sqrt((1.0 / weight).mean())) if weight[0] > PARALLEL * weight[-1] else np.nan
 
 
 def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> IntersectedGroundPoints:

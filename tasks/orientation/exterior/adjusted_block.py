@@ -43,6 +43,7 @@ from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
 from orthomill.tasks.orientation.block.own_constants import clearly_less, own_constant_findings, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
+from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
 from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
@@ -152,6 +153,7 @@ def _block_of_sensors(
         # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
         causes = (finding.sentence for finding in folding_cameras(cameras))
         raise GeometryError(" ".join((str(error), *causes))) from error
+    control = oriented.control
     results = including_correlation(considering_held(oriented.results, choices.interior))
     separate = (including_correlation(considering_held(one, choices.interior)) for one in oriented.apart)
     apart = tuple(block_table(crs, one, ()) for one in separate)
@@ -167,11 +169,13 @@ def _block_of_sensors(
 
 @dataclass(frozen=True, eq=False)
 class _Oriented:
-    """The results of the block, those of blocks apart, and the photographs in none."""
+    """The results of the block, those of blocks apart, the photographs in none, and the control whose marks are those of the
+    photographs."""
 
     results: BlockResults
     apart: tuple[BlockResults, ...]
     unoriented: tuple[Unoriented, ...]
+    control: Control
 
 
 def _material(
@@ -265,13 +269,25 @@ def _missed(result: Adjustment, unit: float) -> float:
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
     starts, unoriented = blocks
+    have, counted = _without_miscounted(have, starts[0])
     parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
     # Free groups cannot share a system with others; without any datum the largest one is the block.
     joined = [part for part in parts if not part.datum.free] or parts[:1]
     results, weak = _adjusted(have, joined)
     others = [_adjusted(have, [part]) for part in parts if all(part is not p for p in joined)]
     left = (*weak, *(photo for _, photos in others for photo in photos))
-    return _Oriented(results, tuple(one for one, _ in others), (*left, *unoriented))
+    results = replace(results, findings=(*counted, *results.findings))
+    return _Oriented(results, tuple(one for one, _ in others), (*left, *unoriented), have.control)
+
+
+def _without_miscounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[BlockFinding, ...]]:
+    """The input without marks that are counted otherwise than in the photographs, and how they are."""
+    found = counted_otherwise(have.photos, have.cameras, have.material, start, have.control, turned=bool(have.tops))
+    if found is None:
+        return have, ()
+    # Their coordinates stay, so that the report lists the points; without marks they take no part.
+    points = tuple(point.model_copy(update={"measurements": {}}) for point in have.control.points)
+    return replace(have, control=have.control.model_copy(update={"points": points, "distances": ()})), (found,)
 
 
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:

@@ -16,7 +16,12 @@ from orthomill.schemas.findings.datum_findings import (
     TiltUnobserved,
 )
 from orthomill.schemas.findings.foreign_findings import BlockElsewhere
-from orthomill.schemas.findings.observation_findings import ControlContradicted, ControlUnmet, PositionsElsewhere
+from orthomill.schemas.findings.observation_findings import (
+    ControlContradicted,
+    ControlUnmet,
+    MarksInAnotherFrame,
+    PositionsElsewhere,
+)
 from orthomill.tasks.orientation.reporting.block_facts import Facts, told_findings
 from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
 
@@ -27,6 +32,7 @@ GRAVE = (
     SourcesDisagree,
     OffsetAdjusted,
     ConstantOfItsOwn,
+    MarksInAnotherFrame,
     ControlUnmet,
     LooksUpward,
     AxesExchanged,

@@ -14,6 +14,7 @@ from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report.photos_report import remark_sentence
 from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
+from orthomill.tasks.photos.tags.fixes import BY_CODE
 
 _FIX = {
     "fixed": "with a fixed solution",
@@ -85,17 +86,19 @@ def _positions(photos: Photos) -> Iterator[str]:
         yield "Positions: none in the tags."
         return
     fixes = Counter(photo.fix for photo in placed if photo.fix)
-    said = ", ".join(f"{number} {_FIX[fix]}" for fix, number in fixes.most_common()) or "the tags do not say how good they are"
-    yield f"Positions: in the tags of {len(placed)} of {len(photos.photos)}; {said}{_errors(placed)}."
+    errors = _errors(placed)
+    said = [f"{number} {_FIX[fix]}" for fix, number in fixes.most_common()]
+    known = "; ".join([", ".join(said), *errors] if said else errors) or "the tags do not say how good they are"
+    yield f"Positions: in the tags of {len(placed)} of {len(photos.photos)}; {known}."
 
 
-def _errors(placed: list[Photo]) -> str:
+def _errors(placed: list[Photo]) -> list[str]:
     """The range of standard errors where tags state them."""
-    stated = [photo.position_sigma for photo in placed if photo.fix and photo.position_sigma]
+    stated = [photo.position_sigma for photo in placed if photo.position_sigma and (photo.fix or photo.position_sigma != BY_CODE)]
     if not stated:
-        return ""
+        return []
     plan, height = [max(sigma[:2]) for sigma in stated], [sigma[2] for sigma in stated]
-    return f"; standard errors {_span(plan)} m in plan, {_span(height)} m in height"
+    return [f"standard errors {_span(plan)} m in plan, {_span(height)} m in height"]
 
 
 def _span(values: list[float]) -> str:

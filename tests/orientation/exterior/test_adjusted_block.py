@@ -126,13 +126,35 @@ def test_a_camera_constant_that_nothing_told_is_found_and_not_contradicted(share
     assert found.guessed == guessed and abs(found.adjusted_px / camera.c - 1) < 0.01
 
 
-def test_control_measured_in_another_frame_is_said():
-    """As on the frame of the sensor, where EXIF turns the photographs."""
+@pytest.mark.parametrize(
+    ("counted", "said"),
+    [
+        (lambda photo, c, r: (r, c), "the row before the column: "),
+        (lambda photo, c, r: (c, photo.height - 1 - r), "from the lower left corner: "),
+        (lambda photo, c, r: ((c + 0.5) / 2 - 0.5, (r + 0.5) / 2 - 0.5), "in copies reduced by 2: "),
+    ],
+)
+def test_the_way_in_which_marks_are_counted_is_named(counted, said):
     block = two_strips(6, gnss=None)
-    turned = {p.name: {photo: (r, c, s) for photo, (c, r, s) in p.measurements.items()} for p in block.control.points}
-    points = tuple(p.model_copy(update={"measurements": turned[p.name]}) for p in block.control.points)
-    found = sentences(orient(replace(block, control=Control(points=points)))["precision"])
-    assert any("of the 8 control points that are measured in two photographs or more do not meet" in text for text in found)
+    measured = {
+        p.name: {photo: (*counted(block.photos[photo], c, r), s) for photo, (c, r, s) in p.measurements.items()}
+        for p in block.control.points
+    }
+    points = tuple(p.model_copy(update={"measurements": measured[p.name]}) for p in block.control.points)
+    (found,) = [text for text in sentences(orient(replace(block, control=Control(points=points)))["precision"]) if said in text]
+    assert "the rays of a point meet to 0." in found
+
+
+def test_marks_under_wrong_names_are_not_explained_by_counting():
+    """Rays of different points, some of them parallel: they meet at infinity."""
+    block = two_strips(6, gnss=None)
+    points = block.control.points
+    mixed = []
+    for own, other in zip(points, points[1:] + points[:1], strict=True):
+        every_second = {name: other.measurements.get(name, mark) for name, mark in list(own.measurements.items())[1::2]}
+        mixed.append(own.model_copy(update={"measurements": own.measurements | every_second}))
+    found = sentences(orient(replace(block, control=Control(points=tuple(mixed))))["precision"])
+    assert any("they pull against its tie points" in text for text in found) and not any("counted" in text for text in found)
 
 
 def test_wrong_stated_precision_of_images_is_corrected():

@@ -23,6 +23,10 @@ SPOKEN = [
         ["3 of the 4 control points", "as EXIF turns them", "the frame before that", "another size"],
     ),
     (f.ControlUnmet(points=3, measured=4, turned=False), ["those of another size or another photograph"]),
+    (
+        f.MarksInAnotherFrame(counted="from below", change="turn them", given_px=140.2, found_px=0.61, points=5),
+        ["marks of the 5 control points are counted from below", "to 0.61 px", "to 140 px", "turn them"],
+    ),
     (f.PositionsCrowded(), ["closer together than their own standard errors", "true precision"]),
     (f.TiltUnobserved(tilt_sigma_deg=None, basis="down", sigma_deg=5.0), ["do not determine", "straight down", "5.0 degrees"]),
     (f.TiltUnobserved(tilt_sigma_deg=70.0, basis="level", sigma_deg=4.9), ["do not determine", "taken level", "4.9 degrees"]),

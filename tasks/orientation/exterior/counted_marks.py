@@ -1,0 +1,52 @@
+"""Whether the marks of the control points would meet on the model of the tie points if they were counted in another way."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from orthomill.schemas.camera import Cameras
+from orthomill.schemas.findings.observation_findings import MarksInAnotherFrame
+from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.orientation.block.assembly import mark_scatter, model_of
+from orthomill.tasks.orientation.control.ground_points import approximate_points
+from orthomill.tasks.orientation.control.mark_frames import REDUCED, TURNED, explaining_frame
+from orthomill.tasks.orientation.measurements import ground_rays
+from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
+from orthomill.tasks.orientation.start.block_start import BlockStart
+
+LEAST_MISS = 5.0
+"""px: marks that miss by less are counted as the photographs are, and are made as well as they are made"""
+
+
+def counted_otherwise(
+    photos: Photos, cameras: Cameras, material: GrowthMaterial, start: BlockStart, control: Control, turned: bool
+) -> MarksInAnotherFrame | None:
+    """The way of counting in which the rays of control points meet on the model of a start; None where they meet as they were read,
+    or in no way. `turned`: EXIF turned photographs against their sensors, in whose frames no list was made."""
+    number = {material.names[i]: k for k, i in enumerate(start.photos)}
+    model, camera_of = model_of(start), material.camera_of[start.photos]
+    constant = float(np.median([material.cameras[k].c for k in camera_of]))
+
+    def scatter(points: list[ControlPoint]) -> float:
+        rays = ground_rays(points, number, cameras)
+        return constant * mark_scatter(rays, approximate_points(model, material.cameras, camera_of, rays, len(points)))
+
+    points = _marked_in(control, number)
+    if scatter(points) < LEAST_MISS:
+        return None
+    found = explaining_frame(points, photos, REDUCED if turned else (*TURNED, *REDUCED), scatter)
+    if found is None:
+        return None
+    frame, given, size = found
+    return MarksInAnotherFrame(counted=frame.counted, change=frame.change, given_px=given, found_px=size, points=len(points))
+
+
+def _marked_in(control: Control, photographs: Mapping[str, int]) -> list[ControlPoint]:
+    """The surveyed points with their marks in these photographs, of those with two or more."""
+    own = (
+        point.model_copy(update={"measurements": {n: m for n, m in point.measurements.items() if n in photographs}})
+        for point in control.points
+        if point.role != "tie"
+    )
+    return [point for point in own if len(point.measurements) >= 2]
