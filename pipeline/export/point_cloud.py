@@ -1,8 +1,8 @@
 """A point cloud, from rasters or from tables. LAS 1.4, point format 7 with colour, otherwise 6; coordinates in whole millimetres.
 
-From rasters: every finite cell of the raster "z" becomes a point, chunk by chunk. "rgb" (RGB or RGBA, 8 bit) may have a finer or
-coarser grid that nests in the grid of z: a point takes the mean colour of the opaque pixels of its cell. Every other raster has the
-grid of z.
+From rasters: every finite cell of the raster "z" becomes a point, chunk by chunk. "rgb" (RGB or RGBA of 8 or 16 bits) may have a
+finer or coarser grid that nests in the grid of z: a point takes the mean colour of the opaque pixels of its cell. Every other
+raster has the grid of z.
 
 From tables: every row of every table becomes a point, table by table, with the columns x, y and z. Its colour is that of the pixel
 of "rgb" above it, whose system of reference is that of the points.
@@ -37,6 +37,8 @@ _FIELDS = {"code": "classification", "source": "point_source_id"}
 """labels that have a field of their own in LAS"""
 Affine = tuple[float, float, float, float, float, float]
 """(a, b, c, d, e, f) of x = a col + b row + c, y = d col + e row + f, in GDAL's corner convention"""
+_COLOUR_STEPS = {"uint8": 257, "uint16": 1}
+"""LAS colours have 16 bits: times 257 maps 255 to 65535"""
 
 
 @dataclass(frozen=True)
@@ -97,9 +99,10 @@ def nesting(z: RasterSpec, rgb: RasterSpec) -> Nesting:
     row = (heights[5] - colours[5]) / colours[4]
     # Coordinates of 10^6 m in float64 over cells of centimetres leave 10^-8 cells of rounding; a thousandth is invisible.
     nests = abs(fine / coarse / ratio - 1) < 1e-9 and max(abs(col - round(col)), abs(row - round(row))) < 1e-3
-    if not nests or rgb.crs != z.crs or len(rgb.shape) != 3 or rgb.shape[2] not in (3, 4) or rgb.dtype != "uint8":
+    if not nests or rgb.crs != z.crs or len(rgb.shape) != 3 or rgb.shape[2] not in (3, 4) or rgb.dtype not in _COLOUR_STEPS:
         raise StoreError(
-            f"The colours {rgb.name} do not fit {z.name}: they must be 8-bit RGB or RGBA on a grid that shares its cell borders."
+            f"The colours {rgb.name} do not fit {z.name}: they must be RGB or RGBA of 8 or 16 bits on a grid that shares its cell "
+            "borders."
         )
     return Nesting(rgb, fine, coarse, round(row), round(col))
 
@@ -146,7 +149,7 @@ def _write_rows(export: Export, store: ReadableStore, path: Path) -> None:
             columns = first if number == 0 else _columns(export, store, number)
             if len(columns["x"]):
                 points = _record(target.header, columns)
-                _paint(points, _colours_above(store, rgb, columns["x"], columns["y"]))
+                _paint(points, _colours_above(store, rgb, columns["x"], columns["y"]), rgb.dtype)
                 target.write_points(points)
 
 
@@ -162,7 +165,7 @@ def _columns(export: Export, store: ReadableStore, number: int) -> dict[str, np.
 
 
 def _colours_above(store: ReadableStore, rgb: RasterSpec, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """uint8 (N, 3) colours of the pixels that contain places (N,); 0 outside the raster and where it is transparent."""
+    """(N, 3) colours, as stored, of the pixels that contain places (N,); 0 outside the raster and where it is transparent."""
     a, _, west, _, e, north = _affine(rgb)
     col, row = (np.floor(values).astype(np.int64) for values in ((x - west) / a, (y - north) / e))
     window = Window(int(row.min()), int(col.min()), int(row.max() - row.min()) + 1, int(col.max() - col.min()) + 1)
@@ -228,10 +231,9 @@ def _class(codes: np.ndarray) -> np.ndarray:
     return classes.astype(np.uint8)
 
 
-def _paint(points: laspy.ScaleAwarePointRecord, colours: np.ndarray) -> None:
-    """Gives the points their colours (N, 3), 0 to 255."""
-    # LAS colours have 16 bits: times 257 maps 255 to 65535.
-    points["red"], points["green"], points["blue"] = (np.rint(colours).astype(np.uint16) * 257).T
+def _paint(points: laspy.ScaleAwarePointRecord, colours: np.ndarray, dtype: str) -> None:
+    """Gives the points their colours (N, 3), of the range of `dtype`."""
+    points["red"], points["green"], points["blue"] = (np.rint(colours).astype(np.uint16) * _COLOUR_STEPS[dtype]).T
 
 
 def _wkt(z: RasterSpec) -> str:
@@ -252,5 +254,5 @@ def _write_tile(target: laspy.LasWriter, store: ReadableStore, cloud: Cloud, win
     attributes = {label: store.read(spec.name, window)[present] for label, spec in cloud.attributes.items()}
     points = _record(target.header, {"x": x, "y": y, "z": heights[present], **attributes})
     if cloud.colours is not None:
-        _paint(points, cloud.colours.colours(store, window)[present])
+        _paint(points, cloud.colours.colours(store, window)[present], cloud.colours.spec.dtype)
     target.write_points(points)

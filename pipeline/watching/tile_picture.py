@@ -41,8 +41,9 @@ def _coloured(values: np.ndarray, spec: RasterSpec) -> np.ndarray:
     if spec.nodata is not None and np.isfinite(spec.nodata):
         present &= values != spec.nodata
     # Of bands that measure different things the first one is shown.
-    if spec.colours and values.ndim == 3 and values.shape[2] in (3, 4) and values.dtype == np.uint8:
-        colours = values[..., 2::-1]
+    if spec.colours and values.ndim == 3 and values.shape[2] in (3, 4) and values.dtype in (np.uint8, np.uint16):
+        # The upper eight bits of sixteen: stretched tile by tile, the map would be a patchwork.
+        colours = (values if values.dtype == np.uint8 else (values >> 8).astype(np.uint8))[..., 2::-1]
         alpha = 255 * (values[..., 3] > 0) if values.shape[2] == 4 else np.full(values.shape[:2], 255)
         return np.dstack([colours, alpha.astype(np.uint8)])
     plane, shown = (values[..., 0], present[..., 0]) if values.ndim == 3 else (values, present)

@@ -54,6 +54,8 @@ class TextureRules:
     sharpen: bool
     """whether photographs choose the surface of pixels near walls"""
     colours: ColourRules
+    bits: int = 8
+    """of a colour of the orthoimage"""
 
     @property
     def rim(self) -> int:
@@ -93,7 +95,8 @@ class TileTexture(BaseModel):
 
 
 class OrthoTile(NamedTuple):
-    """One tile of the orthoimage: `ortho` uint8 (rows, cols, 4); `coverage`, `rejected` and `height_source` uint8 (rows, cols)."""
+    """One tile of the orthoimage: `ortho` uint8 or uint16 (rows, cols, 4); `coverage`, `rejected` and `height_source`
+    uint8 (rows, cols)."""
 
     ortho: np.ndarray
     coverage: np.ndarray
@@ -264,14 +267,14 @@ def texture_tile(
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
-    ortho, tally = np.zeros((height, width, 4), np.uint8), ColourTally(np.zeros(len(views)))
+    ortho, tally = np.zeros((height, width, 4), f"uint{rules.bits}"), ColourTally(np.zeros(len(views)))
     seen, empty, level = np.zeros(len(views), np.int64), np.zeros(3, np.int64), block.ground_mean
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)
         blended, sees = _strip(strip, scene, showing, rules, top)
         rows = slice(top, top + window.height)
-        ortho[rows], coverage[rows], rejected[rows] = rgba(blended), blended.seen, blended.rejected
+        ortho[rows], coverage[rows], rejected[rows] = rgba(blended, rules.bits), blended.seen, blended.rejected
         tally.add(blended)
         seen += np.array(sees, np.int64)  # also where no photograph shows the tile
         empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)

@@ -68,9 +68,9 @@ def test_several_cameras_and_mixed_bands_are_reported():
     assert first.startswith("The photographs come from 2 cameras") and second.startswith("Grey and colour photographs are mixed")
 
 
-def test_sixteen_bits_are_said_to_end_at_the_orthoimage():
+def test_sixteen_bits_of_the_photographs_are_said_to_reach_the_orthoimage():
     (warning,) = report_of(*(one.model_copy(update={"dtype": "uint16"}) for one in PLACED)).warnings
-    assert f"{len(PLACED)} photographs" in warning and "the orthoimage has 8" in warning
+    assert f"{len(PLACED)} photographs" in warning and "the orthoimage has 16" in warning
 
 
 @pytest.mark.parametrize(

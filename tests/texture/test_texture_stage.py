@@ -12,7 +12,7 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec, Window
-from orthomill.schemas.surface import CORRECTED, HEIGHT, SURFACE, Surface
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE, Surface
 from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
 from orthomill.tasks.colouring.blending.blending import Blend
 from orthomill.tasks.colouring.blending.rejection import Rejection
@@ -205,8 +205,11 @@ def test_the_method_of_the_balance(settings, params):
 
 
 def test_sixteen_bits_are_stretched():
-    (job,) = jobs(planned(View(dtype="uint16")), "balance")
+    specs = planned(View(dtype="uint16"))
+    (job,) = jobs(specs, "balance")
     assert job.params["deep"] is True
+    assert {job.params["rules"].bits for job in jobs(specs, "ortho")} == {16}
+    assert [spec.dtype for spec in specs if isinstance(spec, RasterSpec) and spec.name == ORTHO] == ["uint16"]
 
 
 @pytest.mark.parametrize(

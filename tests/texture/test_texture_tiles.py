@@ -329,6 +329,11 @@ def test_grey_photos_of_16_bits_give_a_grey_orthoimage(photos):
     colour = rasters["ortho"][..., :3].astype(float)
     assert (colour[..., 0] == colour[..., 2]).all()
     assert np.corrcoef(colour[:100, :, 0].ravel(), true_ortho()[:100, :, 1].ravel())[0, 1] > 0.98
+    whole, _ = make(deep, found, rules=replace(RULES, bits=16))
+    fine, coarse = whole["ortho"], rasters["ortho"]
+    assert fine.dtype == np.uint16 and (fine[..., 3] == coarse[..., 3].astype(np.uint16) * 257).all()
+    assert np.abs(fine[..., :3] / 257.0 - coarse[..., :3]).max() <= 0.5, "the same picture"
+    assert len(np.unique(fine[..., 0])) > 300, "with more than 256 grey values"
 
 
 def test_the_ortho_grid_nests():

@@ -330,8 +330,8 @@ def header_warnings(photos: Photos, positions_kind: str, cameras_kind: str) -> I
     deep = [photo.name for photo in photos.photos if photo.dtype == "uint16"]
     if deep:
         yield (
-            f"{_named(deep)} with 16 bits: points and heights are measured with all of them; the orthoimage has 8, stretched alike "
-            "for all photographs up to the brightest ground."
+            f"{_named(deep)} with 16 bits: points and heights are measured with all of them, and the orthoimage has 16, stretched "
+            "alike for all photographs up to the brightest ground."
         )
     if len({photo.bands for photo in photos.photos}) > 1:
         yield "Grey and colour photographs are mixed; the orthoimage shows grey where only grey ones see the ground."

@@ -1,7 +1,7 @@
 """The jobs of the orthoimage: samples of all tiles, the balance of the block, its tiles, and what is taken away."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
 
@@ -109,15 +109,23 @@ class OrthoimageJobs:
         yield from relief_jobs(dsm, size, self.heights, self.draped)
         relief = ReliefMap(self.view.table(RELIEF), dsm)
         yield from self._samples(relief, rules)
-        dtypes = [self.view.raster(photo_raster(name, 0)).dtype for name in self.block.names]
-        yield balance_job("texture", self.settings, self.block.names, dtypes, map(samples_table, self.tiles))
-        yield from self._orthoimage(relief, rules)
+        yield balance_job("texture", self.settings, self.block.names, self._dtypes, map(samples_table, self.tiles))
+        yield from self._orthoimage(relief, replace(rules, bits=self.bits))
         yield self._report()
         yield from self._products()
 
+    @property
+    def _dtypes(self) -> list[str]:
+        return [self.view.raster(photo_raster(name, 0)).dtype for name in self.block.names]
+
+    @property
+    def bits(self) -> int:
+        """Of a colour of the orthoimage: as many as the photographs have."""
+        return 16 if "uint16" in self._dtypes else 8
+
     def _rasters(self) -> Iterator[RasterSpec]:
         ortho, crs, size = self.ortho, self.block.crs, self.view.project.tile
-        yield map_raster(ORTHO, ortho, "uint8", crs, size, bands=4)
+        yield map_raster(ORTHO, ortho, f"uint{self.bits}", crs, size, bands=4)
         yield map_raster(COVERAGE, ortho, "uint8", crs, size, unit="photos")
         yield map_raster(REJECTED, ortho, "uint8", crs, size, unit="colours")
         yield map_raster(HEIGHT_SOURCE, ortho, "uint8", crs, size)

@@ -35,23 +35,25 @@ def marks(row: float, count: int = 40) -> Marks:
     return Marks(x, y, z, (0.01 * codes).astype(np.float32), codes + np.uint8(1), codes, np.uint16(1000) * codes)
 
 
-def colours() -> np.ndarray:
-    """Red is the column and green the row of a pixel; the last rows are transparent."""
-    row, col = np.indices((90, 100))
-    return np.stack([col, row, 0 * row + 7, np.where(row < 80, 255, 0)], axis=-1).astype(np.uint8)
-
-
+ROW, COL = np.indices((90, 100))
+COLOURS = np.stack([COL, ROW, 0 * ROW + 7, np.where(ROW < 80, 255, 0)], axis=-1).astype(np.uint8)
+"""Red is the column and green the row of a pixel; the last rows are transparent."""
 TABLES = (Table("p/0.parquet", Marks), Table("p/1.parquet", Marks), Table("p/2.parquet", Marks))
 PARTS = (marks(3.5), marks(0, 0), marks(70.25, 11))
 
 
-def written(tmp_path, parts=PARTS, **rasters):
-    store = MemoryStore().put("t/ortho", colours(), 64)
+def written(tmp_path, parts=PARTS, colours=COLOURS, **rasters):
+    store = MemoryStore().put("t/ortho", colours, 64)
     tables = TABLES[: len(parts)]
     for table, part in zip(tables, parts, strict=True):
         store.put_table(table, part)
     export(Export("t", "points", "points.laz", "laz", {"rgb": "t/ortho", **rasters}, tables), store, tmp_path)
     return tmp_path / "points.laz"
+
+
+def test_colours_of_sixteen_bits_are_those_of_the_points(tmp_path):
+    coarse, fine = laspy.read(written(tmp_path)), laspy.read(written(tmp_path, colours=COLOURS.astype(np.uint16) * 257))
+    assert (fine.red == coarse.red).all() and (fine.green == coarse.green).all() and fine.red.max() > 255
 
 
 def test_every_row_of_every_table_is_a_point_at_its_own_place(tmp_path):
@@ -119,6 +121,6 @@ class Flat(Columns):
 
 def test_rows_without_a_height_are_refused(tmp_path):
     table = Table("p/flat.parquet", Flat)
-    store = MemoryStore().put("t/ortho", colours(), 64).put_table(table, Flat(np.zeros(2), np.zeros(2)))
+    store = MemoryStore().put("t/ortho", COLOURS, 64).put_table(table, Flat(np.zeros(2), np.zeros(2)))
     with pytest.raises(StoreError, match="it has no column z"):
         export(Export("t", "points", "points.laz", "laz", {"rgb": "t/ortho"}, (table,)), store, tmp_path)
