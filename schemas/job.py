@@ -192,6 +192,8 @@ class Export:
     format: str
     rasters: dict[str, str] = field(default_factory=dict)
     tables: tuple[Table, ...] = ()
+    beside: tuple[Table, ...] = ()
+    """of "laz": tables with further columns for the rows of `tables`, one for each of them"""
 
     @property
     def key(self) -> tuple[str, str, int, int]:

@@ -30,6 +30,7 @@ class Topic(StrEnum):
     GROUND_PIXEL = "Pixel on the ground"
     AREA = "Area of the surface"
     HEIGHTS = "Heights"
+    TERRAIN = "Bare ground"
     ORTHOIMAGE = "Orthoimage"
     ACCURACY_PLAN = "Accuracy in plan"
     ACCURACY_HEIGHT = "Accuracy in height"

@@ -18,8 +18,9 @@ TRUTH_READERS = ("simulation", "evaluation")
 TRUTH_SURFACE = "truth/surface"
 """float32 m (rows, cols): height of the visible surface (ground, roofs, crowns, water; no vehicles, poles and wires) at the cell's
 centre. Of a crown it is the envelope without wind: leaves begin at it or below it, and some rays pass through to the ground."""
-TRUTH_BELOW = "truth/below"
-"""float32 m (rows, cols): height of the ground below a crown, which photographs see through its gaps; NaN beside crowns."""
+TRUTH_GROUND = "truth/ground"
+"""float32 m (rows, cols): height of the bare ground, also below roofs and below crowns, through whose gaps photographs see it; of
+water its surface."""
 TRUTH_ORTHO = "truth/ortho"
 """uint8 (rows, cols, 3): the true orthoimage without vehicles, poles, wires, wind and glints, before any camera's gain, offset,
 vignetting and noise."""

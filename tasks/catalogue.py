@@ -17,6 +17,7 @@ from orthomill.tasks.photos.stage import PhotosStage
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.registration.stage import RegistrationStage
 from orthomill.tasks.simulation.stage import SimulationStage
+from orthomill.tasks.terrain.stage import TerrainStage
 from orthomill.tasks.texture.stage import TextureStage
 from orthomill.tasks.tie_points.stage import TiePointsStage
 
@@ -43,6 +44,7 @@ STAGES: tuple[type[Stage], ...] = (
     EpipolarStage,
     DensificationStage,
     DsmCheckStage,
+    TerrainStage,
     TextureStage,
     ProjectionStage,
     EvaluationStage,

@@ -15,7 +15,11 @@ def chosen_exports(session: Session, raster: str | None, path: str | None) -> li
     session.plan()
     planned = [p.job for p in session.graph.jobs.values() if isinstance(p.job, Export) and p.job.path.startswith("products/")]
     store = session.store
-    ready = [job for job in planned if all(map(store.has, job.rasters.values())) and all(map(store.has_table, job.tables))]
+    ready = [
+        job
+        for job in planned
+        if all(map(store.has, job.rasters.values())) and all(map(store.has_table, (*job.tables, *job.beside)))
+    ]
     if not ready:
         raise StoreError(f"{session.folder.name} has no products yet; run it first: orthomill run {session.folder.name}")
     return ready

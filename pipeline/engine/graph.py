@@ -168,9 +168,9 @@ class Graph:
         keys: dict[Key, None] = {}
         for name in export.rasters.values():
             keys.update(dict.fromkeys(self._writers(export.stage, Raster(name, self._known(export.stage, name).full))[0]))
-        for table in export.tables:
+        for table in (*export.tables, *export.beside):
             keys.update(dict.fromkeys(self._writers(export.stage, table)[0]))
-        tables = [table.path for table in export.tables]
+        tables = [table.path for table in (*export.tables, *export.beside)]
         fingerprint = Fingerprint(
             settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables),
             code=fp.of_code(export_file),

@@ -7,13 +7,14 @@ raster has the grid of z.
 From tables: every row of every table becomes a point, table by table, with the columns x, y and z. Its colour is that of the pixel
 of "rgb" above it, whose system of reference is that of the points.
 
-The raster or column "code" becomes the class: 64 + code, since classes from 64 on are the user's own. The column "source" becomes
-the point source ID. All others become extra attributes under their own labels.
+The raster "class" or the column "classification" is the class, by the numbers of ASPRS. Without one the raster or column "code"
+becomes the class: 64 + code, since classes from 64 on are the user's own. The column "source" becomes the point source ID.
+All others become extra attributes under their own labels.
 
 Source: ASPRS, LAS Specification 1.4 - R15.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -33,7 +34,8 @@ SCALE = 0.001
 OWN_CLASSES = 64
 """the first class of LAS that is the user's own; a code becomes the class this much higher"""
 _PLACES = ("x", "y", "z")
-_FIELDS = {"code": "classification", "source": "point_source_id"}
+_CLASSES = ("class", "classification")
+_FIELDS = {**dict.fromkeys(_CLASSES, "classification"), "source": "point_source_id"}
 """labels that have a field of their own in LAS"""
 Affine = tuple[float, float, float, float, float, float]
 """(a, b, c, d, e, f) of x = a col + b row + c, y = d col + e row + f, in GDAL's corner convention"""
@@ -156,12 +158,23 @@ def _write_rows(export: Export, store: ReadableStore, path: Path) -> None:
 def _columns(export: Export, store: ReadableStore, number: int) -> dict[str, np.ndarray]:
     """The columns of one table of an export. Raises StoreError when it has no place."""
     table = store.table(export.tables[number])
-    columns = {f.name: getattr(table, f.name) for f in fields(table)} if isinstance(table, Columns) else {}
+    columns = _fields_of(table)
+    if export.beside:
+        columns |= _fields_of(store.table(export.beside[number]))
     if missing := [name for name in _PLACES if name not in columns]:
         raise StoreError(
             f"{export.path} cannot be written from {export.tables[number].path}: it has no column {', '.join(missing)}."
         )
     return columns
+
+
+def _fields_of(table: object) -> dict[str, np.ndarray]:
+    return {f.name: getattr(table, f.name) for f in fields(table)} if isinstance(table, Columns) else {}
+
+
+def _field_of(label: str, labels: Iterable[str]) -> str | None:
+    """The field of LAS for a label among others; None for an extra attribute."""
+    return "classification" if label == "code" and not set(labels) & set(_CLASSES) else _FIELDS.get(label)
 
 
 def _colours_above(store: ReadableStore, rgb: RasterSpec, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -207,7 +220,7 @@ def _header(place: RasterSpec, attributes: Mapping[str, tuple[str, str]], colour
     header.offsets = np.floor([west, north + e * place.shape[0], 0.0])
     # Names and descriptions of extra dimensions have 32 bytes in the format.
     for label, (dtype, unit) in attributes.items():
-        if label not in _FIELDS:
+        if _field_of(label, attributes) is None:
             header.add_extra_dim(laspy.ExtraBytesParams(label[:32], dtype, description=f"{label} {unit}"[:32].strip()))
     header.vlrs.append(WktCoordinateSystemVlr(_wkt(place)))
     header.global_encoding.wkt = True
@@ -218,7 +231,8 @@ def _record(header: laspy.LasHeader, columns: Mapping[str, np.ndarray]) -> laspy
     """Points from their places and attributes (N,) by label."""
     points = laspy.ScaleAwarePointRecord.zeros(len(columns["z"]), header=header)
     for label, values in columns.items():
-        points[_FIELDS.get(label, label[:32])] = _class(values) if label == "code" else values
+        field = _field_of(label, columns)
+        points[field or label[:32]] = _class(values) if field and label == "code" else values
     points["return_number"] = points["number_of_returns"] = np.ones(len(points), np.uint8)
     return points
 

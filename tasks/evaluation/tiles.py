@@ -98,7 +98,7 @@ def heights_against_truth(
     relative: np.ndarray,
     provenance: np.ndarray,
     surface: np.ndarray,
-    below: np.ndarray,
+    ground: np.ndarray,
     material: np.ndarray,
     building: np.ndarray,
     visibility: np.ndarray,
@@ -129,7 +129,7 @@ def heights_against_truth(
     # Where the error of the datum is not known it is no reason to count nothing: it is centimetres, and surfaces are metres apart.
     own = height - np.nan_to_num(datum)
     rated = np.where(np.isfinite(datum), relative, np.nan)
-    crowns = crown_counts(CrownCells(*(a[trees] for a in (provenance, own - true, own - heights_on(below, place)[inner], rated))))
+    crowns = crown_counts(CrownCells(*(a[trees] for a in (provenance, own - true, own - heights_on(ground, place)[inner], rated))))
     return _judge(dh, cells, numbers, _ObjectCounts(edges, crowns), place.grid.cell)
 
 

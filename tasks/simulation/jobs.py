@@ -25,7 +25,7 @@ from orthomill.tasks.simulation.flight import BLOCK, FlightSettings, camera_of, 
 from orthomill.tasks.simulation.rendering import Film, render
 from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow, painted_window
 from orthomill.tasks.simulation.scene.layout import SceneSettings
-from orthomill.tasks.simulation.scene.scene import SurfaceWindow, ground_below_crowns
+from orthomill.tasks.simulation.scene.scene import SurfaceWindow, bare_ground
 from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.scene.true_visibility import occlusion_reach, visibility
 from orthomill.tasks.simulation.scene.vehicles import vehicle_cells, vehicles_of
@@ -51,13 +51,13 @@ class SceneTruth(NamedTuple):
 
 class PaintedTile(NamedTuple):
     """One tile (rows, cols) of the scene: `surface` float32 m, `material` uint8, `building` uint16, `ortho` uint8 (..., 3), and the
-    ground `below` crowns, float32 m, NaN beside them."""
+    bare `ground`, float32 m, also below roofs and crowns."""
 
     surface: np.ndarray
     material: np.ndarray
     building: np.ndarray
     ortho: np.ndarray
-    below: np.ndarray
+    ground: np.ndarray
 
 
 class SurveyTables(NamedTuple):
@@ -94,8 +94,8 @@ def paint(site: Site, window: Window) -> PaintedTile:
     scene = scene_of(site.scene)
     painted = painted_window(scene, site.grid, window)
     surface = painted.surface
-    below = ground_below_crowns(scene, site.grid, window, surface)
-    return PaintedTile(surface.height, _marked(site, window, surface.material), surface.building, painted.colours, below)
+    ground = bare_ground(scene, *site.grid.centres(window)).astype(np.float32)
+    return PaintedTile(surface.height, _marked(site, window, surface.material), surface.building, painted.colours, ground)
 
 
 def _marked(site: Site, window: Window, material: np.ndarray) -> np.ndarray:

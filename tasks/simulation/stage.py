@@ -14,10 +14,10 @@ from orthomill.schemas.truth import (
     CONTROL_TABLE,
     MEASUREMENTS_TABLE,
     POSITIONS_TABLE,
-    TRUTH_BELOW,
     TRUTH_BLOCK,
     TRUTH_BUILDING,
     TRUTH_GRID,
+    TRUTH_GROUND,
     TRUTH_MATERIAL,
     TRUTH_ORTHO,
     TRUTH_READERS,
@@ -50,7 +50,7 @@ _PLACE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "visible": TRUTH
 _SURVEY: dict[str, Table] = {"positions": POSITIONS_TABLE, "control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
 _SCENE = {"surface": TRUTH_SURFACE, "material": TRUTH_MATERIAL, "building": TRUTH_BUILDING, "ortho": TRUTH_ORTHO}
 """what photographs are rendered from"""
-_PAINTED = {**_SCENE, "below": TRUTH_BELOW}
+_PAINTED = {**_SCENE, "ground": TRUTH_GROUND}
 
 
 OF_THE_FLIGHT = (
@@ -291,7 +291,7 @@ class SimulationStage(Stage):
 
 def _truth_rasters(grid: MapGrid, crs: str, tile: int) -> Iterator[RasterSpec]:
     yield map_raster(TRUTH_SURFACE, grid, "float32", crs, tile, unit="m", readers=TRUTH_READERS)
-    yield map_raster(TRUTH_BELOW, grid, "float32", crs, tile, nodata=float("nan"), unit="m", readers=TRUTH_READERS)
+    yield map_raster(TRUTH_GROUND, grid, "float32", crs, tile, unit="m", readers=TRUTH_READERS)
     yield map_raster(TRUTH_MATERIAL, grid, "uint8", crs, tile, readers=TRUTH_READERS)
     yield map_raster(TRUTH_BUILDING, grid, "uint16", crs, tile, readers=TRUTH_READERS)
     yield map_raster(TRUTH_ORTHO, grid, "uint8", crs, tile, bands=3, readers=TRUTH_READERS)

@@ -43,8 +43,8 @@ def truth():
     surface[roof], material[roof], building[roof] = 18.0, Material.ROOF, 3
     material[40:50, 60:72], material[45:48, 10:13] = Material.WATER, Material.TREE
     visibility[55:] = 0b010
-    below = np.where(material == Material.TREE, np.float32(4.0), np.float32(np.nan))
-    return surface, below, material, building, visibility
+    ground = np.where(material == Material.TREE, np.float32(4.0), np.float32(10.0))
+    return surface, ground, material, building, visibility
 
 
 def dsm():

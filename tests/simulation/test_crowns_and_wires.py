@@ -170,13 +170,13 @@ def test_the_truth_marks_what_passes_and_keeps_the_ground_there():
     assert np.array_equal(tile.surface, plain.height[part().slices])
 
 
-def test_the_truth_knows_the_ground_below_crowns_and_nothing_elsewhere():
+def test_the_truth_knows_the_ground_below_crowns_and_roofs():
     tile, window = paint(site(), part()), part()
     crowns = tile.material == Material.TREE
-    assert np.array_equal(np.isfinite(tile.below), crowns) and crowns.any()
+    assert np.isfinite(tile.ground).all() and crowns.any()
     bare = bare_ground(scene(), *site().grid.centres(window))
-    assert tile.below[crowns] == pytest.approx(bare[crowns], abs=1e-3)
-    assert (tile.surface - tile.below)[crowns].min() > 0.5, "leaves begin above the ground"
+    assert tile.ground == pytest.approx(bare, abs=1e-3)
+    assert (tile.surface - tile.ground)[crowns].min() > 0.5, "leaves begin above the ground"
 
 
 def test_crawling_vehicles_move_a_few_metres_along_their_lane():

@@ -14,6 +14,7 @@ from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE
 from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID
 from orthomill.tasks.evaluation.grids import grid_of
 from orthomill.tasks.evaluation.orthoimage_accuracy import GreySums, OrthoCounts, Shifts, fit_grey
+from orthomill.tasks.evaluation.plan.ground_comparison_jobs import GROUND_SUMMARY, ground_jobs
 from orthomill.tasks.evaluation.plan.height_comparison_jobs import height_job, height_results, judge_check
 from orthomill.tasks.evaluation.plan.judged_product import DIFFERENCES, JudgedProduct, Reads
 from orthomill.tasks.evaluation.plan.orthoimage_comparison_jobs import FIT, difference_raster, ortho_job, sums_job
@@ -35,8 +36,8 @@ def evaluation_jobs(asked: EvaluationStage, view: ProjectView) -> Iterator[Raste
     # the sentence about a missing simulation comes at planning, before anything has run
     _check(asked, view)
     parts: dict[str, Table] = {}
-    for jobs in (_orientation(asked, view, parts), _heights(asked, view, parts), _ortho(asked, view, parts)):
-        yield from jobs
+    for compare in (_orientation, _heights, _terrain, _ortho):
+        yield from compare(asked, view, parts)
     facts = EvaluationFacts(asked.reference.kind, tuple(parts))
     reads: Reads = {**parts}
     yield Job(
@@ -99,6 +100,14 @@ def _heights(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table])
     yield from _judge_heights(asked.parallax_sigma, judged, CORRECTED, "heights", pairs, parts)
     yield from _judge_heights(asked.parallax_sigma, judged, HEIGHT, "heights_before_check", pairs, parts)
     yield from judge_check(judged, parts)
+
+
+def _terrain(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table]) -> Iterator[Job]:
+    # A file of heights shows what stands on the ground, so that only the truth tells of the ground itself.
+    if asked.reference.kind != "truth" or not view.has_stage("terrain"):
+        return
+    parts["terrain"] = GROUND_SUMMARY
+    yield from ground_jobs(view.table(SURFACE).grid, view.table(TRUTH_GRID), view.project.tile)
 
 
 def _judge_heights(

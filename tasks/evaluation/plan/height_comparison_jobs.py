@@ -6,7 +6,7 @@ from orthomill.schemas.job import Job, MapFile, Raster, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import Tile, tiles_of
 from orthomill.schemas.surface import CHECKED_CODE, PRECISION, PROVENANCE, RELATIVE_PRECISION
-from orthomill.schemas.truth import TRUTH_BELOW, TRUTH_BLOCK, TRUTH_BUILDING, TRUTH_MATERIAL, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_BUILDING, TRUTH_GROUND, TRUTH_MATERIAL, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.evaluation.accuracy import HeightHistogram, HeightSums
 from orthomill.tasks.evaluation.classes import HALO as CLASS_HALO
 from orthomill.tasks.evaluation.classes import CheckCounts
@@ -66,7 +66,7 @@ def height_job(judged: JudgedProduct, item: str, source: str, t: Tile, writes: d
         )
     # the halo of the classes: a building within three cells makes a cell a margin, also from the next tile
     place = placement(judged.grid, t.window.grown(CLASS_HALO), judged.reference)
-    reads |= truth_reads(place, surface=TRUTH_SURFACE, below=TRUTH_BELOW, material=TRUTH_MATERIAL)
+    reads |= truth_reads(place, surface=TRUTH_SURFACE, ground=TRUTH_GROUND, material=TRUTH_MATERIAL)
     reads |= truth_reads(place, building=TRUTH_BUILDING, visibility=TRUTH_VISIBILITY)
     reads |= {"relative": Raster(RELATIVE_PRECISION, t.window), "block": BLOCK, "true_block": TRUTH_BLOCK}
     params, scratch = {"place": place, "core": t.window}, pixels_scratch(place, 120)

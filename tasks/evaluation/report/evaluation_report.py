@@ -6,7 +6,9 @@ from itertools import chain
 from typing import Literal
 
 from orthomill.schemas.stage_report import Figure, StageReport, Verdict
+from orthomill.tasks.evaluation.ground_accuracy import GroundSummary
 from orthomill.tasks.evaluation.report.codes_section import check_section
+from orthomill.tasks.evaluation.report.ground_section import ground_section
 from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section, near_share
 from orthomill.tasks.evaluation.report.orientation_section import orientation_section
 from orthomill.tasks.evaluation.report.orthoimage_section import orthoimage_section
@@ -42,6 +44,9 @@ _MAIN = (
     "check_judged_open_ground",
     "check_judged_roof",
     "check_judged_building_margin",
+    "terrain_open_ground_rmse",
+    "terrain_roof_rmse",
+    "terrain_within_2_sigma",
     "ortho_shift_median_px",
     "ortho_shift_q95_px",
     "ortho_ssim",
@@ -68,6 +73,7 @@ def evaluation_report(
     heights: HeightsSummary | None = None,
     heights_before_check: HeightsSummary | None = None,
     check: CheckSummary | None = None,
+    terrain: GroundSummary | None = None,
     ortho: OrthoSummary | None = None,
 ) -> StageReport:
     """The report of the stage from the comparisons that were made."""
@@ -79,6 +85,8 @@ def evaluation_report(
         sections.append(before_check_section(heights_before_check))
     if check:
         sections.append(check_section(check))
+    if terrain:
+        sections.append(ground_section(terrain))
     if ortho:
         sections.append(orthoimage_section(ortho, facts.reference == "truth"))
     if orientation:

@@ -51,12 +51,6 @@ def surface_window(scene: Scene, grid: MapGrid, window: Window) -> SurfaceWindow
     return SurfaceWindow(height.astype(np.float32), material, building)
 
 
-def ground_below_crowns(scene: Scene, grid: MapGrid, window: Window, surface: SurfaceWindow) -> np.ndarray:
-    """Height of the ground (rows, cols) float32 m where `surface` of `window` is a crown, NaN elsewhere."""
-    crowns = surface.material == _TREE
-    return np.where(crowns, bare_ground(scene, *grid.centres(window)), np.nan).astype(np.float32)
-
-
 def bare_ground(scene: Scene, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Height of the ground (rows, cols) at the coordinates of columns and rows, float64 m; the same in any window."""
     height = _sum_of_products(*terrain_factors(scene, x, y))

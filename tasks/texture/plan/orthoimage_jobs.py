@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from statistics import median
 
+from orthomill.schemas.bare_ground import CELL_CLASS, point_classes_table
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -199,14 +200,19 @@ class OrthoimageJobs:
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
         yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
         tiles = tiles_of(dsm.shape, self.view.project.tile)
-        tables = {(tile.row, tile.col): points_table(tile.row, tile.col) for tile in tiles}
+        classed = self.view.has_stage("terrain")
+        places = [(tile.row, tile.col) for tile in tiles]
+        tables = [points_table(*place) for place in places]
+        classes = [point_classes_table(*place) for place in places] if classed else []
         if dsm.rows * dsm.cols <= CELLS_OF_ONE_FILE:
-            yield Export("texture", "points", "products/points.laz", "laz", {"rgb": ORTHO}, tuple(tables.values()))
+            yield Export("texture", "points", "products/points.laz", "laz", {"rgb": ORTHO}, tuple(tables), tuple(classes))
         else:
-            for (row, col), table in tables.items():
-                path = f"products/points/{row}-{col}.laz"
-                yield Export("texture", f"points-{row}-{col}", path, "laz", {"rgb": ORTHO}, (table,))
+            for k, (row, col) in enumerate(places):
+                path, one = f"products/points/{row}-{col}.laz", slice(k, k + 1)
+                yield Export("texture", f"points-{row}-{col}", path, "laz", {"rgb": ORTHO}, tuple(tables[one]), tuple(classes[one]))
         attributes = {"z": self.heights, "rgb": ORTHO, "precision": PRECISION, "pairs": COUNT, "code": PROVENANCE}
+        if classed:
+            attributes["class"] = CELL_CLASS
         yield Export("texture", "cells", "products/dsm_cells.laz", "laz", attributes)
 
 

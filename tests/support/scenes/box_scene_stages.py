@@ -24,10 +24,10 @@ from orthomill.schemas.surface import (
     points_table,
 )
 from orthomill.schemas.truth import (
-    TRUTH_BELOW,
     TRUTH_BLOCK,
     TRUTH_BUILDING,
     TRUTH_GRID,
+    TRUTH_GROUND,
     TRUTH_MATERIAL,
     TRUTH_ORTHO,
     TRUTH_READERS,
@@ -65,7 +65,7 @@ def truth_rasters() -> dict[str, np.ndarray]:
         bits |= sees(view(name), points).astype(np.uint32) << np.uint32(i)
     return {
         TRUTH_SURFACE: z,
-        TRUTH_BELOW: np.full(z.shape, np.nan, np.float32),
+        TRUTH_GROUND: np.zeros(z.shape, np.float32),
         TRUTH_MATERIAL: material,
         TRUTH_BUILDING: (z > 0).astype(np.uint16),
         TRUTH_ORTHO: np.rint(true_ortho()).astype(np.uint8),
@@ -139,7 +139,7 @@ class GivenStage(Stage):
     def _simulation(self) -> Iterator[RasterSpec | Job]:
         types = {
             TRUTH_SURFACE: "float32",
-            TRUTH_BELOW: "float32",
+            TRUTH_GROUND: "float32",
             TRUTH_MATERIAL: "uint8",
             TRUTH_BUILDING: "uint16",
             TRUTH_ORTHO: "uint8",

@@ -1,0 +1,1 @@
+"""Bare ground of the surface model, and what stands on it."""

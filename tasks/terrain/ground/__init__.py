@@ -1,0 +1,1 @@
+"""Which cells are ground, and the ground where none was measured."""

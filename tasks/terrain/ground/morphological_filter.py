@@ -1,0 +1,51 @@
+"""Which cells of a height model are ground: a progressive morphological filter.
+
+Strategy. What stands on the ground is narrower than the ground is. Openings with discs of growing radius take off ever wider
+objects; a cell that sinks by more than the ground can rise over that width is no ground. Cells without a measured height take no
+part: an estimate below a crown or behind a wall is no evidence for ground.
+
+Source: Pingel, Clarke and McBride (2013), An improved simple morphological filter for the terrain classification of airborne LIDAR
+data, ISPRS Journal of Photogrammetry and Remote Sensing 77.
+"""
+
+import numpy as np
+
+HIGHER = np.float32(1e9)
+"""stands in for cells without a height: erosion passes over it, and nothing opened reaches it where one height is within reach"""
+
+
+def disc_radii(widest: float) -> tuple[int, ...]:
+    """Radii of the discs, cells: doubled until they are wider than the `widest` object, cells."""
+    radii = [1]
+    while 2 * radii[-1] < widest:
+        radii.append(2 * radii[-1])
+    return tuple(radii)
+
+
+def filter_halo(radii: tuple[int, ...]) -> int:
+    """Cells around a tile from which its answer can follow: an opening reaches two radii, and each starts from the one before."""
+    return 2 * sum(radii)
+
+
+def ground_cells(heights: np.ndarray, radii: tuple[int, ...], slope: float, step: float, cell: float) -> np.ndarray:
+    """Which cells (rows, cols) bool are ground.
+
+    heights (rows, cols) float32 m, NaN where none was measured; radii in cells; `slope` is the steepest ground as a ratio, `step`
+    (m) the roughness that ground always has, `cell` in m.
+    """
+    import cv2
+
+    known = np.isfinite(heights)
+    surface = np.where(known, heights, HIGHER).astype(np.float32)
+    ground = known.copy()
+    for radius in radii:
+        opened = np.asarray(cv2.morphologyEx(surface, cv2.MORPH_OPEN, _disc(radius), borderType=cv2.BORDER_REPLICATE), np.float32)
+        ground &= surface - opened <= slope * radius * cell + step
+        surface = opened
+    return ground
+
+
+def _disc(radius: int) -> np.ndarray:
+    """uint8 (2 radius + 1, 2 radius + 1)."""
+    row, col = np.ogrid[-radius : radius + 1, -radius : radius + 1]
+    return (row**2 + col**2 <= radius**2).astype(np.uint8)

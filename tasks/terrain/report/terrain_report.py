@@ -1,0 +1,247 @@
+"""What is said of the terrain: how much of it was measured, how well the rest is known, and what stands on it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import sqrt
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.bare_ground import (
+    ABOVE_GROUND,
+    CELL_CLASS,
+    CELL_CLASSES,
+    TERRAIN,
+    TERRAIN_CODE,
+    TERRAIN_CODES,
+    TERRAIN_PRECISION,
+    CellClass,
+    TerrainCode,
+)
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
+from orthomill.tasks.terrain.ground.learned_errors import LEAST_CELLS, ErrorCurve
+
+_NAMES = {
+    TerrainCode.MEASURED: "measured",
+    TerrainCode.UNDER_BUILDING: "under_buildings",
+    TerrainCode.UNDER_WOOD: "under_wood",
+    TerrainCode.GUESSED: "guessed",
+}
+_PRODUCTS = (
+    Product(
+        path="products/terrain.tif",
+        purpose="Bare ground without buildings and trees, its standard error, and where it was measured, bridged or guessed",
+        main=True,
+        classed=("plan", "height"),
+    ),
+    Product(path="products/height_above_ground.tif", purpose="Heights of buildings and trees above the ground"),
+    Product(path="products/classes.tif", purpose="Ground, buildings and plants by the numbers of ASPRS"),
+)
+_GOOD, _FAIR = 0.6, 0.2
+"""share of the terrain that was measured"""
+
+
+class TerrainSums(BaseModel):
+    """Cells of a tile by code of the terrain, with the sums of the squares of their standard errors (m2), and by class."""
+
+    model_config = ConfigDict(frozen=True)
+
+    cells: tuple[int, ...]
+    squares: tuple[float, ...]
+    classes: tuple[int, ...]
+    highest: float
+    """m above the ground; 0 where nothing is"""
+
+
+@dataclass(frozen=True)
+class TerrainFacts:
+    """Cell of the terrain, and the block in which ground was told from objects, m."""
+
+    cell: float
+    block: float
+
+
+def sums_of_tile(precision: np.ndarray, code: np.ndarray, cell_class: np.ndarray, above: np.ndarray) -> TerrainSums:
+    """The sums of rasters (rows, cols)."""
+    count, classes = len(TerrainCode), max(CellClass) + 1
+    squares = np.bincount(code.ravel(), np.nan_to_num(precision.ravel().astype(np.float64)) ** 2, count)
+    standing = above[np.isin(cell_class, (CellClass.BUILDING, CellClass.HIGH_VEGETATION))]
+    return TerrainSums(
+        cells=tuple(np.bincount(code.ravel(), minlength=count).tolist()),
+        squares=tuple(squares.tolist()),
+        classes=tuple(np.bincount(cell_class.ravel(), minlength=classes).tolist()),
+        highest=round(float(np.nanmax(standing)), 3) if len(standing) else 0.0,
+    )
+
+
+@dataclass(frozen=True)
+class _TerrainTotals:
+    cells: np.ndarray
+    squares: np.ndarray
+    classes: np.ndarray
+    highest: float
+
+    @property
+    def terrain(self) -> int:
+        """Cells that have a ground."""
+        return int(self.cells[1:].sum())
+
+    def share(self, code: int) -> float:
+        return 100.0 * int(self.cells[code]) / self.terrain if self.terrain else 0.0
+
+    def error(self, code: int) -> float | None:
+        """Root mean square of the standard errors, m."""
+        return sqrt(self.squares[code] / self.cells[code]) if self.cells[code] else None
+
+
+def terrain_report(sums: tuple[TerrainSums, ...], curve: ErrorCurve, facts: TerrainFacts) -> StageReport:
+    """The report of the stage from the sums of all tiles and what hiding ground told."""
+    totals = _TerrainTotals(
+        np.sum([tile.cells for tile in sums], axis=0),
+        np.sum([tile.squares for tile in sums], axis=0),
+        np.sum([tile.classes for tile in sums], axis=0),
+        max(tile.highest for tile in sums),
+    )
+    warnings = tuple(_warnings(totals, curve))
+    return StageReport(
+        verdict=_verdict(totals),
+        answers=_answers(totals),
+        products=_PRODUCTS,
+        figures=tuple(_figures(totals, curve, facts)),
+        grids=(_code_grid(totals), _class_grid(totals)),
+        charts=(_curve_chart(curve, facts),),
+        pictures=_pictures(),
+        warnings=warnings,
+        losses=warnings,
+    )
+
+
+def _verdict(totals: _TerrainTotals) -> Verdict:
+    if not totals.terrain:
+        return Verdict(level="poor", sentence="There is no terrain: nowhere was ground found among the measured heights.")
+    measured = totals.share(TerrainCode.MEASURED)
+    level: Literal["good", "fair", "poor"] = "good" if measured >= 100 * _GOOD else "fair" if measured >= 100 * _FAIR else "poor"
+    return Verdict(
+        level=level,
+        sentence=f"{measured:.0f} % of the terrain is measured ground; {totals.share(TerrainCode.UNDER_BUILDING):.0f} % is bridged "
+        f"under buildings, {totals.share(TerrainCode.UNDER_WOOD):.0f} % under trees and shrubs, "
+        f"{totals.share(TerrainCode.GUESSED):.0f} % is guessed.",
+    )
+
+
+def _answers(totals: _TerrainTotals) -> tuple[Answer, ...]:
+    if not totals.terrain:
+        return ()
+    known = totals.error(TerrainCode.MEASURED)
+    text = f"{totals.share(TerrainCode.MEASURED):.0f} % measured"
+    if known is not None:
+        text += f", standard error {_metres(known)}"
+    squares, cells = totals.squares[2:].sum(), int(totals.cells[2:].sum())
+    if cells:
+        text += f"; the rest bridged or guessed, {_metres(sqrt(squares / cells))}"
+    return (Answer(topic=Topic.TERRAIN, text=text),)
+
+
+def _metres(value: float) -> str:
+    return f"{value:.2f} m" if value >= 0.1 else f"{100 * value:.1f} cm"
+
+
+def _figures(totals: _TerrainTotals, curve: ErrorCurve, facts: TerrainFacts) -> Iterator[Figure]:
+    yield Figure(name="cell", value=facts.cell, unit="m", sentence="Cell of the terrain.")
+    yield Figure(name="block", value=facts.block, unit="m", sentence="Side of the blocks in which ground is told from objects.")
+    meanings = {code: meaning for code, _, meaning in TERRAIN_CODES}
+    for code, name in _NAMES.items():
+        share = round(totals.share(code), 2)
+        yield Figure(
+            name=f"{name}_share",
+            value=share,
+            unit="%",
+            sentence=f"Of the terrain: {meanings[code]}.",
+            headline=code == TerrainCode.MEASURED,
+        )
+        error = totals.error(code)
+        rounded = None if error is None else round(error, 4)
+        yield Figure(
+            name=f"{name}_sigma", value=rounded, unit="m", sentence=f"Root mean square of the standard errors: {meanings[code]}."
+        )
+    yield Figure(name="highest_object", value=totals.highest, unit="m", sentence="Greatest height above the ground.")
+    hidden = sum(curve.cells[0]) + sum(curve.cells[1])
+    yield Figure(
+        name="hidden_blocks", value=hidden, sentence="Measured ground that was hidden and bridged again, to learn its errors."
+    )
+
+
+def _warnings(totals: _TerrainTotals, curve: ErrorCurve) -> Iterator[str]:
+    if totals.terrain and max(curve.cells[0]) < LEAST_CELLS:
+        yield (
+            "Too little open ground was measured to learn how wrong bridged ground is: its standard errors are those of hilly "
+            "land. "
+            "Trust the terrain only where its code says measured."
+        )
+    if totals.terrain and totals.share(TerrainCode.GUESSED) > 20:
+        yield (
+            f"{totals.share(TerrainCode.GUESSED):.0f} % of the terrain is guessed: no ground was measured there, or on one side "
+            "only. "
+            "Fly beyond the area that is needed, and when trees are bare."
+        )
+
+
+def _code_grid(totals: _TerrainTotals) -> Grid:
+    rows = []
+    for code, _, meaning in TERRAIN_CODES[1:]:
+        error = totals.error(code)
+        rows.append((meaning, round(totals.share(code), 2), None if error is None else round(error, 3)))
+    return Grid(title="Where the ground comes from", columns=("ground", "share %", "standard error m"), rows=tuple(rows))
+
+
+def _class_grid(totals: _TerrainTotals) -> Grid:
+    whole = int(totals.classes[1:].sum())
+    rows = [(meaning, code, round(100.0 * int(totals.classes[code]) / whole, 2)) for code, _, meaning in CELL_CLASSES[1:] if whole]
+    return Grid(
+        title="What the surface shows",
+        columns=("class", "number", "share %"),
+        rows=tuple(row for row in rows if row[2]),
+        note="Numbers of ASPRS, LAS 1.4. Plants are told from buildings by their surface alone: hedges and sheds may be mixed up.",
+    )
+
+
+def _curve_chart(curve: ErrorCurve, facts: TerrainFacts) -> Chart:
+    known = [k for k, count in enumerate(curve.cells[0]) if count >= LEAST_CELLS] or list(range(len(curve.distance)))
+    return Chart(
+        title="How wrong bridged ground is",
+        style="lines",
+        x_label="distance to measured ground, m",
+        y_label="standard error, m",
+        x=tuple(round(curve.distance[k] * facts.block, 3) for k in known),
+        series={
+            "ground on all sides": tuple(round(curve.enclosed[k], 4) for k in known),
+            "ground on one side": tuple(round(curve.one_sided[k], 4) for k in known),
+        },
+        caption="Learned by hiding measured ground of this block and bridging it again.",
+    )
+
+
+def _pictures() -> tuple[Picture, ...]:
+    return (
+        Picture(
+            title="Terrain",
+            raster=TERRAIN,
+            style="hillshade",
+            unit="m",
+            caption="The bare ground, without buildings and trees.",
+            first_page=True,
+        ),
+        Picture(
+            title="Where the terrain was measured",
+            raster=TERRAIN_CODE,
+            style="classes",
+            classes=TERRAIN_CODES,
+            caption="Contours are drawn dashed where the ground was not measured; products/terrain.tif, band 3.",
+        ),
+        Picture(title="Standard error of the terrain", raster=TERRAIN_PRECISION, style="ramp", unit="m", low=0.0, colours="magma"),
+        Picture(
+            title="Height above the ground", raster=ABOVE_GROUND, style="ramp", unit="m", low=0.0, caption="Buildings and trees."
+        ),
+        Picture(title="What the surface shows", raster=CELL_CLASS, style="classes", classes=CELL_CLASSES),
+    )

@@ -1,0 +1,162 @@
+"""The jobs of one tile: blocks, ground, hidden ground, bridges, cells and points."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.bare_ground import PointClasses
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import MEASURED, SurfacePoints
+from orthomill.tasks.terrain.ground.block_heights import block_heights
+from orthomill.tasks.terrain.ground.bridges import BareBlocks, anchors_of, bridge
+from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
+from orthomill.tasks.terrain.ground.learned_errors import ErrorCurve, HiddenGround, hidden_ground
+from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells
+from orthomill.tasks.terrain.ground.terrain_cells import cell_ground
+from orthomill.tasks.terrain.objects.object_classes import RoofRules, cell_classes, point_classes, roof_cells, terrain_codes
+
+NO_GROUND, MARGIN, ANCHOR = 0, 1, 2
+"""codes of blocks: no ground, ground beside something else, and ground that lies free"""
+MIXED_WIDTH = 4
+"""cells beside an object over which windows of the matching see both"""
+_LEAST_ROOF = 1.5
+"""m: half the width of the least roof"""
+_ROOF_RIM = 8
+"""cells around the core of a roof at which the photographs see neither roof nor ground"""
+
+
+@dataclass(frozen=True)
+class TerrainRules:
+    """How ground is found: cell of the surface and cells along a block (m, count), the settings of the stage in m and as ratios."""
+
+    cell: float
+    factor: int
+    widest: float
+    slope: float
+    steepest: float
+    roughness: float
+    reach: float
+
+    @property
+    def block(self) -> float:
+        """Side of a block, m."""
+        return self.cell * self.factor
+
+    @property
+    def radii(self) -> tuple[int, ...]:
+        """Of the discs of the filter, blocks."""
+        return disc_radii(self.widest / self.block)
+
+    @property
+    def filter_halo(self) -> int:
+        """Blocks around a tile that decide about its ground."""
+        return filter_halo(self.radii) + STEPS + self.margin
+
+    @property
+    def margin(self) -> int:
+        """Blocks beside objects whose ground is not taken as it is."""
+        return max(round(MIXED_WIDTH / self.factor), 1)
+
+    @property
+    def far(self) -> int:
+        """How far ground is bridged, blocks."""
+        return max(round(self.reach / self.block), 1)
+
+    @property
+    def shift(self) -> int:
+        """By how much the pattern of gaps is moved to hide ground, blocks: beyond the objects themselves."""
+        return round(1.5 * self.widest / self.block)
+
+    @property
+    def rise(self) -> float:
+        """How much ground may be off the mean of its block, m."""
+        return self.roughness + self.steepest * self.block if self.factor > 1 else np.inf
+
+    @property
+    def roofs(self) -> RoofRules:
+        """In cells of the surface."""
+        return RoofRules(max(round(_LEAST_ROOF / self.cell), 1), _ROOF_RIM)
+
+
+class TerrainTile(NamedTuple):
+    """Rasters of a tile (rows, cols), as in `schemas.bare_ground`."""
+
+    height: np.ndarray
+    precision: np.ndarray
+    code: np.ndarray
+    above: np.ndarray
+    cell_class: np.ndarray
+
+
+def blocks_of_tile(
+    heights: np.ndarray, sigma: np.ndarray, datum: np.ndarray, provenance: np.ndarray, rules: TerrainRules
+) -> np.ndarray:
+    """`block_heights` of the measured cells of a tile."""
+    rise = rules.roughness + rules.steepest * rules.block
+    return block_heights(heights, sigma, datum, np.isin(provenance, MEASURED), rules.factor, rise)
+
+
+def ground_of_tile(blocks: np.ndarray, window: Window, core: Window, rules: TerrainRules) -> np.ndarray:
+    """uint8 codes of the blocks `core`: no ground, margin or anchor; `blocks` (rows, cols, 3) cover `window`."""
+    heights = np.ascontiguousarray(blocks[..., 0])
+    ground = ground_cells(heights, rules.radii, rules.slope, rules.roughness, rules.block)
+    ground = continued(ground, heights, rules.steepest, rules.roughness, rules.block)
+    codes = np.where(anchors_of(ground, rules.margin), ANCHOR, np.where(ground, MARGIN, NO_GROUND)).astype(np.uint8)
+    return codes[core.within(window).slices]
+
+
+def hide_in_tile(
+    blocks: np.ndarray, ground: np.ndarray, moved: np.ndarray, window: Window, core: Window, rules: TerrainRules
+) -> HiddenGround:
+    """What hiding ground tells in the blocks `core`; blocks and ground codes cover `window`, `moved` the same one some blocks away,
+    whose part outside the raster is missing."""
+    pattern = np.full(ground.shape, True)
+    pattern[: moved.shape[0], : moved.shape[1]] = moved == ANCHOR
+    return hidden_ground(blocks[..., 0], ground == ANCHOR, pattern, core.within(window).slices, rules.far)
+
+
+def bridge_tile(
+    blocks: np.ndarray, ground: np.ndarray, curve: ErrorCurve, window: Window, core: Window, rules: TerrainRules
+) -> BareBlocks:
+    """The bare ground of the blocks `core`; blocks and ground codes cover `window`."""
+    found = bridge(blocks, ground != NO_GROUND, ground == ANCHOR, curve, rules.far)
+    inner = core.within(window).slices
+    return BareBlocks(found.bare[inner], found.open_side[inner])
+
+
+def terrain_tile(
+    heights: np.ndarray,
+    sigma: np.ndarray,
+    provenance: np.ndarray,
+    bare: np.ndarray,
+    open_side: np.ndarray,
+    ground: np.ndarray,
+    windows: tuple[Window, Window],
+    core: Window,
+    rules: TerrainRules,
+) -> TerrainTile:
+    """The terrain of the cells `core`; heights, sigma, provenance cover the first of the windows, the rasters of blocks the
+    second."""
+    measured = np.isin(provenance, MEASURED) & np.isfinite(heights)
+    place = (*windows, rules.factor)
+    found = cell_ground(bare, open_side, ground != NO_GROUND, heights, sigma, measured, place, rules.rise)
+    above = heights - found.height
+    roof = roof_cells(above, sigma, measured, rules.cell, rules.roofs)
+    codes = terrain_codes(np.isfinite(found.height), found.measured, found.bridged, np.nan_to_num(above), roof)
+    precision = np.hypot(found.sigma, found.datum)
+    whole = TerrainTile(found.height, precision, codes, above.astype(np.float32), cell_classes(codes, above, measured))
+    inner = core.within(windows[0]).slices
+    return TerrainTile(*(values[inner] for values in whole))
+
+
+def classify_points(
+    points: SurfacePoints, height: np.ndarray, precision: np.ndarray, cell_class: np.ndarray, grid: MapGrid, window: Window
+) -> PointClasses:
+    """The class of every point of the tile `window`."""
+    col, row = grid.pixel(points.x, points.y)
+    at = (
+        np.clip(np.rint(row).astype(np.int64) - window.row, 0, window.height - 1),
+        np.clip(np.rint(col).astype(np.int64) - window.col, 0, window.width - 1),
+    )
+    return PointClasses(point_classes(points.z, height[at], precision[at], cell_class[at]))

@@ -1,0 +1,64 @@
+"""Which blocks are ground: objects taken off, knolls kept, and blocks that ground and objects share."""
+
+import numpy as np
+import pytest
+from hilly_ground import HOUSE, KNOLL, TREES, bare_land, model
+
+from orthomill.schemas.surface import MEASURED
+from orthomill.tasks.terrain.ground.block_heights import any_of_block, block_heights
+from orthomill.tasks.terrain.ground.continued_ground import continued
+from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells
+
+RADII = disc_radii(30.0)
+
+
+def measured() -> np.ndarray:
+    z, codes = model()
+    return np.where(np.isin(codes, MEASURED), z, np.nan).astype(np.float32)
+
+
+def test_discs_grow_beyond_half_of_the_widest_object():
+    assert disc_radii(30.0) == (1, 2, 4, 8, 16) and disc_radii(1.0) == (1,)
+    assert filter_halo((1, 2, 4)) == 14
+
+
+def test_a_house_is_no_ground_and_what_was_not_measured_neither():
+    ground = ground_cells(measured(), RADII, 0.15, 0.2, 1.0)
+    assert not ground[HOUSE].any() and not ground[TREES].any()
+    assert ground[:80, :80].mean() > 0.99
+
+
+def test_a_knoll_that_the_filter_takes_off_is_continued_ground_and_the_house_is_not():
+    z = measured()
+    cut = ground_cells(z, disc_radii(60.0), 0.1, 0.2, 1.0)
+    top = tuple(slice(at - 3, at + 4) for at in KNOLL)
+    assert not cut[top].any()
+    found = continued(cut, z, 0.7, 0.2, 1.0)
+    assert found[top].all() and not found[HOUSE].any()
+    assert not (found & np.isnan(z)).any()
+
+
+def test_a_block_that_ground_and_a_roof_share_has_the_height_of_the_ground():
+    heights = np.full((8, 8), 10.0, np.float32)
+    heights[:, 4:] = 16.0
+    ones = np.ones((8, 8), np.float32)
+    blocks = block_heights(heights, 0.1 * ones, 0.02 * ones, ones > 0, 8, 0.5)
+    assert blocks[0, 0] == pytest.approx([10.0, 0.1, 0.02], abs=1e-6)
+
+
+def test_a_block_needs_an_eighth_of_its_cells_and_the_last_one_may_be_smaller():
+    heights, ones = np.full((6, 6), 10.0, np.float32), np.ones((6, 6), np.float32)
+    few = np.zeros((6, 6), bool)
+    few[0, 0] = few[4, 4] = True
+    blocks = block_heights(heights, ones, ones, few, 4, 0.5)
+    assert np.isnan(blocks).all()
+    few[4, 5] = True
+    assert np.isfinite(block_heights(heights, ones, ones, few, 4, 0.5)[1, 1]).all()
+    assert any_of_block(few, 4).tolist() == [[True, False], [False, True]]
+
+
+def test_blocks_of_one_cell_are_the_cells():
+    z = bare_land().astype(np.float32)
+    known = np.arange(z.size).reshape(z.shape) % 3 > 0
+    blocks = block_heights(z, 0.1 * z, 0.2 * z, known, 1, 0.5)
+    assert np.array_equal(blocks[known][:, 0], z[known]) and np.isnan(blocks[~known]).all()
