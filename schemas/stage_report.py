@@ -4,7 +4,6 @@ It is declarative: the pipeline draws it without knowing what it means. Every fi
 `<stage>.<name>`; names are stable and documented.
 """
 
-import math
 from enum import StrEnum
 from typing import Literal
 
@@ -81,15 +80,6 @@ class Evidence(_ReportPart):
     was made from may break a tolerance, but gives no class and proves none."""
     products: tuple[str, ...] = ()
     """Paths of the products that it is about; empty: all that have a class of this kind."""
-
-
-def class_of(rmse: float) -> int:
-    """Accuracy class of a root mean square error (m): the least whole number of centimetres that it does not exceed.
-
-    Source: ASPRS Positional Accuracy Standards for Digital Geospatial Data, edition 2 (2023).
-    """
-    # Rounded first: 0.29 m is 28.999... cm in binary, and must not become 29 by luck alone.
-    return max(1, math.ceil(round(100 * rmse, 6)))
 
 
 class Figure(_ReportPart):

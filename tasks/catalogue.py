@@ -1,6 +1,7 @@
 """The explicit list of stages, in the order in which they stand in a workflow; and what can be done with one photograph or two."""
 
 from orthomill.schemas.stage_contract import Stage
+from orthomill.tasks.accuracy.stage import AccuracyStage
 from orthomill.tasks.calibration.stage import CalibrationStage
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
@@ -47,5 +48,6 @@ STAGES: tuple[type[Stage], ...] = (
     TerrainStage,
     TextureStage,
     ProjectionStage,
+    AccuracyStage,
     EvaluationStage,
 )

@@ -25,6 +25,7 @@ STAGES = (
     "dsm_check",
     "texture",
     "projection",
+    "accuracy",
     "evaluation",
 )
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
@@ -165,6 +166,7 @@ def test_a_stage_file_holds_no_numerics():
 
 
 DOORED = (
+    "accuracy",
     "calibration",
     "colouring",
     "densification",

@@ -4,8 +4,9 @@ checks without reference, apart."""
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from orthomill.schemas.accuracy.accuracy_statement import class_of
 from orthomill.schemas.project import Tolerances
-from orthomill.schemas.stage_report import Evidence, Product, StageReport, class_of
+from orthomill.schemas.stage_report import Evidence, Product, StageReport
 
 _WORDS = {"plan": "horizontal", "height": "vertical"}
 

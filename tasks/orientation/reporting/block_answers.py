@@ -91,12 +91,14 @@ def _heights(facts: Facts) -> str:
 
 
 def block_evidence(facts: Facts) -> Iterator[Evidence]:
-    """What check points say of everything that rests on the block."""
+    """What check points say of the orientations. Rays of the block say nothing of a surface or an orthoimage made from it: they are
+    tested at the points themselves, by the stage `accuracy`."""
     if found := accuracy(facts.ground.of_role("check")):
         formal = "" if found.points >= FORMAL else f"; a formal statement needs {FORMAL}"
         source = f"from {_points(found.points)}{formal}"
-        yield Evidence(of="plan", rmse=found.plan, source=source)
-        yield Evidence(of="height", rmse=found.height, source=source)
+        orientations = tuple(product.path for product in PRODUCTS)
+        yield Evidence(of="plan", rmse=found.plan, source=source, products=orientations)
+        yield Evidence(of="height", rmse=found.height, source=source, products=orientations)
 
 
 def _checked(value: float, points: int) -> str:

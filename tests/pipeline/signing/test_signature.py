@@ -16,9 +16,10 @@ from orthomill.pipeline.signing.signature import SIGNATURE, check_signature, kee
 from orthomill.pipeline.signing.signature_lines import SHOWN, signature_lines
 from orthomill.pipeline.signing.signing_key import default_key_path, fingerprint, new_key, public_bytes, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
+from orthomill.schemas.accuracy.accuracy_statement import class_of
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.project import Tolerances
-from orthomill.schemas.stage_report import Evidence, Product, StageReport, class_of
+from orthomill.schemas.stage_report import Evidence, Product, StageReport
 
 KEY = Ed25519PrivateKey.from_private_bytes(bytes(range(32)))
 

@@ -1,0 +1,92 @@
+"""What tests at independent points let one say of products, as ASPRS edition 2 words it, with how sure it is."""
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+
+AccuracyKind = Literal["horizontal", "nva", "vva", "three_dimensional"]
+"""in plan; in height on open ground; in height under vegetation; both together"""
+
+
+def class_of(rmse: float) -> int:
+    """Accuracy class of a root mean square error (m): the least whole number of centimetres that it does not exceed.
+
+    Source: ASPRS Positional Accuracy Standards for Digital Geospatial Data, edition 2 (2023).
+    """
+    # Rounded first: 0.29 m is 28.999... cm in binary, and must not become 29 by luck alone.
+    return max(1, math.ceil(round(100 * rmse, 6)))
+
+
+class _Stated(BaseModel):
+    """Base of the parts of a statement."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class AccuracyFigure(_Stated):
+    """Root mean square errors of one kind at n points, m."""
+
+    kind: AccuracyKind
+    points: int
+    needed: int
+    """points that a formal statement needs for an area of this size"""
+    fit: float
+    """of the differences themselves"""
+    survey: float
+    """of the survey of the points, as it was stated"""
+    rmse: float
+    """root of the sum of squares of both: what the standard calls the accuracy of the product"""
+    low: float
+    high: float | None
+    """95 % confidence interval of `rmse`, for so few points; None: a single point tells no upper end"""
+    mean: float
+    """mean difference, m (in height), or the length of the mean difference in plan"""
+    robust: float | None
+    """NMAD in height, None for other kinds"""
+    at_90: float
+    """90 % of the differences are no larger: LE90 or CE90, counted and not computed from the RMSE"""
+    at_95: float
+    promised: float | None
+    """root mean square of differences in units of their promised standard errors; None where nothing is promised"""
+    class_cm: int
+    """accuracy class by the standard's formula"""
+    proved_cm: int | None
+    """the class that this test proves with 97.5 %, by `high`"""
+    sentence: str
+    """as the standard words it"""
+
+    @property
+    def formal(self) -> bool:
+        return self.points >= self.needed
+
+
+class NamedError(_Stated):
+    """An error that all differences share, named for what it is."""
+
+    kind: Literal["shift_up", "tilt", "dome", "shift_plan", "turn", "scale"]
+    size: float
+    """m: what it does at most within the points"""
+    sigma: float
+    """m: its standard error"""
+    sentence: str
+
+
+class AccuracyStatement(_Stated):
+    """All that is stated of the products."""
+
+    figures: tuple[AccuracyFigure, ...] = ()
+    named: tuple[NamedError, ...] = ()
+    untested: tuple[tuple[str, str], ...] = ()
+    """(point, why its height or place says nothing), of those that were not counted"""
+    level: Literal["tested", "promised"] = "promised"
+    """whether independent points tested a product, or only precision is promised"""
+
+    def of(self, kind: AccuracyKind) -> AccuracyFigure | None:
+        """The figure of a kind; None where it was not tested."""
+        return next((figure for figure in self.figures if figure.kind == kind), None)
+
+
+STATEMENT = Table("accuracy/statement.json", AccuracyStatement)

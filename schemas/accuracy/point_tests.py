@@ -1,0 +1,119 @@
+"""Products held against surveyed points that took no part in making them."""
+
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+
+TESTED = "tested"
+"""the reason of a point that can be tested"""
+
+
+class _Tested(BaseModel):
+    """Base of the parts of a test."""
+
+    # A point outside of a product has no height: NaN must come back from the file as it went in.
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+
+
+class HeightTest(_Tested):
+    """The surface at the place of a point."""
+
+    reason: str
+    """TESTED, or a sentence why its height says nothing here"""
+    height: float = float("nan")
+    """m, of the surface at the point's place; also where it is not tested, if there is one"""
+    sigma: float = float("nan")
+    """m, standard error that the surface states there"""
+    slope: float = float("nan")
+    """rise over run of the ground around"""
+    step: float = float("nan")
+    """m, by which the ground around leaves its plane at most"""
+
+    @property
+    def tested(self) -> bool:
+        return self.reason == TESTED
+
+
+class PlaceTest(_Tested):
+    """Where the orthoimage shows a point, by the patches of the photographs in which it was marked."""
+
+    reason: str
+    """TESTED, or a sentence why it was not found"""
+    place: tuple[float, float] = (float("nan"), float("nan"))
+    """X, Y in the orthoimage, m"""
+    sigma: tuple[float, float] = (float("nan"), float("nan"))
+    """m, standard errors of the place: matching and marks"""
+    photos: int = 0
+    """photographs whose patches were found"""
+    promised: tuple[float, float] | None = None
+    """m, standard errors that orientations and surface promise for a place in the orthoimage; None: fixed orientations"""
+
+    @property
+    def tested(self) -> bool:
+        return self.reason == TESTED
+
+
+class PointTest(_Tested):
+    """A check point with all that is known against it."""
+
+    name: str
+    surveyed: tuple[float, float, float]
+    """X, Y, Z, m"""
+    sigma: tuple[float, float, float]
+    """m, standard errors of the survey"""
+    vegetated: bool = False
+    """whether it was marked as under vegetation"""
+    height: HeightTest | None = None
+    """of dsm.tif; None: there is none"""
+    corrected: HeightTest | None = None
+    """of the surface after its check; None: not checked"""
+    place: PlaceTest | None = None
+    """in ortho.tif; None: there is none"""
+    block: tuple[float, float, float] | None = None
+    """rays of the block minus survey, m; None: too few rays"""
+    block_predicted: tuple[float, float, float] | None = None
+    """standard errors that the adjustment predicts for these differences, survey included, m"""
+
+    @property
+    def height_difference(self) -> float | None:
+        """Surface minus survey, m; None where it was not tested."""
+        return self.height.height - self.surveyed[2] if self.height and self.height.tested else None
+
+    @property
+    def height_predicted(self) -> float | None:
+        """Standard error that surface and survey promise for that difference, m."""
+        if self.height is None or not self.height.tested:
+            return None
+        return float((self.height.sigma**2 + self.sigma[2] ** 2) ** 0.5)
+
+    @property
+    def place_difference(self) -> tuple[float, float] | None:
+        """Orthoimage minus survey in X and Y, m; None where it was not tested."""
+        if self.place is None or not self.place.tested:
+            return None
+        return self.place.place[0] - self.surveyed[0], self.place.place[1] - self.surveyed[1]
+
+    @property
+    def place_predicted(self) -> tuple[float, float] | None:
+        """Standard errors that orientations, surface, survey and the measurement of the place promise for these differences, m."""
+        if self.place is None or not self.place.tested or self.place.promised is None:
+            return None
+        known = zip(self.place.promised, self.place.sigma, self.sigma[:2], strict=True)
+        x, y = (float((own**2 + found**2 + survey**2) ** 0.5) for own, found, survey in known)
+        return x, y
+
+
+class PointTests(_Tested):
+    """All check points of a project."""
+
+    points: tuple[PointTest, ...] = ()
+    area_km2: float = 0.0
+    """of the surface with heights"""
+
+
+POINT_TESTS = Table("accuracy/points.json", PointTests)
+
+
+def point_table(number: int) -> Table[PointTest]:
+    """Where the test of check point `number` is stored."""
+    return Table(f"accuracy/points/{number}.json", PointTest)

@@ -1,0 +1,133 @@
+"""A job for each check point, the statement that follows from all of them, and the report."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+
+from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
+from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
+from orthomill.schemas.job import Job, Raster, Reading, Table
+from orthomill.schemas.observations import CONTROL, ControlPoint
+from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
+from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
+from orthomill.tasks.accuracy.points.orthoimage_place import level_for, patch_window, pixels_around
+from orthomill.tasks.accuracy.points.point_test import PatchPlace, PointPlace, PointRules, point_beside_products
+from orthomill.tasks.accuracy.points.surface_height import cells_around
+from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
+from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.imagery.pyramid import level_shape
+
+_SCRATCH = 64 * 2**20
+"""bytes for patches and matching of one point"""
+
+
+@dataclass(frozen=True)
+class PointJobs:
+    """The jobs about the check points of a project."""
+
+    view: ProjectView
+    steepest: float
+    vegetated: tuple[str, ...]
+
+    def jobs(self) -> Iterator[Job]:
+        """A test of each check point, then the statement."""
+        tables: list[Table] = []
+        for number, point in enumerate(self.points):
+            tables.append(point_table(number))
+            yield self._test(number, point, tables[-1])
+        area = self.surface.rows * self.surface.cols * self.surface.cell**2 / 1e6 if self.surface else 0.0
+        yield Job(
+            stage="accuracy",
+            item="points",
+            function=collect_tests,
+            reads={"tests": tuple(tables)},
+            writes={"tests": POINT_TESTS},
+            params={"area_km2": area},
+        )
+        yield Job(
+            stage="accuracy", item="statement", function=statement_of, reads={"tests": POINT_TESTS}, writes={"statement": STATEMENT}
+        )
+
+    @cached_property
+    def points(self) -> tuple[ControlPoint, ...]:
+        """The check points of the control files; none where the surface stands on a plane in space, in a system of its own."""
+        if self.view.project.grid.kind == "plane":
+            return ()
+        return tuple(point for point in self.view.table(CONTROL).points if point.role == "check")
+
+    @cached_property
+    def block(self) -> Block:
+        """The oriented photographs."""
+        return self.view.table(BLOCK)
+
+    @cached_property
+    def photos(self) -> Photos:
+        """What is known of the photographs."""
+        return self.view.table(PHOTOS)
+
+    @cached_property
+    def surface(self) -> MapGrid | None:
+        """The grid of the surface model, if one is made."""
+        return self.view.table(SURFACE).grid if self.view.has_stage("densification") else None
+
+    @cached_property
+    def ortho(self) -> MapGrid | None:
+        """The grid of the orthoimage, if one is made."""
+        if not self.view.has_stage("texture"):
+            return None
+        spec = self.view.raster(ORTHO)
+        cell, _, west, _, _, north = spec.transform or (1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
+        return MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
+
+    def _test(self, number: int, point: ControlPoint, table: Table) -> Job:
+        place = self._place(point)
+        heights, pixels = place.cells, place.pixels
+        own = (HEIGHT, PRECISION, PROVENANCE) if heights else ()
+        checked = (CORRECTED,) if heights and self.view.has_stage("dsm_check") else ()
+        reads: dict[str, Reading] = {
+            "heights": tuple(Raster(name, heights) for name in own if heights),
+            "corrected": tuple(Raster(name, heights) for name in checked if heights),
+            "ortho": (Raster(ORTHO, pixels),) if pixels else (),
+            "photos": tuple(Raster(photo_raster(patch.photo, patch.level), patch.window) for patch in place.patches),
+            "block": BLOCK,
+            "ground": GROUND_RESIDUALS,
+        }
+        under = any(fnmatchcase(point.name, pattern) for pattern in self.vegetated)
+        return Job(
+            stage="accuracy",
+            item="point",
+            function=point_beside_products,
+            reads=reads,
+            writes={"test": table},
+            params={"point": point, "place": place, "rules": PointRules(self.steepest, under)},
+            row=number,
+            scratch=_SCRATCH,
+        )
+
+    def _place(self, point: ControlPoint) -> PointPlace:
+        x, y, _ = point.xyz
+        cells = _inside(cells_around(self.surface, x, y), self.surface) if self.surface else None
+        pixels = _inside(pixels_around(self.ortho, x, y), self.ortho) if self.ortho else None
+        patches = tuple(self._patches(point, self.ortho)) if self.ortho and pixels else ()
+        return PointPlace(self.surface, cells, self.ortho, pixels, patches)
+
+    def _patches(self, point: ControlPoint, ortho: MapGrid) -> Iterator[PatchPlace]:
+        for photo in sorted(point.measurements):
+            if photo not in self.block.names:
+                continue
+            known, seen = self.photos[photo], block_view(self.block, photo)
+            level = level_for(seen, point.xyz, ortho.cell, known.levels)
+            shape = level_shape((known.height, known.width), level)
+            window = patch_window(seen, point.measurements[photo], point.xyz, ortho.cell, level).clipped(shape)
+            if not window.empty:
+                yield PatchPlace(photo, level, window)
+
+
+def _inside(window: Window, grid: MapGrid) -> Window | None:
+    """The part of a window on a grid; None where there is none."""
+    clipped = window.clipped(grid.shape)
+    return None if clipped.empty else clipped

@@ -1,0 +1,1 @@
+"""What the stage `accuracy` says, in words."""

@@ -1,0 +1,159 @@
+"""The report of `accuracy`: what the products are worth by independent points, in the standard's words and in plain ones."""
+
+import math
+from collections.abc import Iterator
+
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement
+from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
+from orthomill.schemas.stage_report import Accuracy, Answer, Evidence, Figure, Grid, Product, StageReport, Topic, Verdict
+
+_WORDS: dict[AccuracyKind, str] = {
+    "horizontal": "in plan (orthoimage)",
+    "nva": "in height (surface, open ground)",
+    "vva": "in height (surface, under vegetation)",
+    "three_dimensional": "in space",
+}
+_PRODUCTS: dict[AccuracyKind, tuple[Accuracy, tuple[str, ...]]] = {
+    "horizontal": ("plan", ("products/ortho.tif",)),
+    "nva": ("height", ("products/dsm.tif",)),
+}
+NOTHING = (
+    "Nothing is proved: there are no check points. What is stated is the precision that the adjustment promises, and how well "
+    "photographs and surface agree; errors that both share are in neither."
+)
+REALISTIC = 2.0
+"""Differences this many times their promised standard errors contradict the promise."""
+
+
+def accuracy_report(tests: PointTests, statement: AccuracyStatement) -> StageReport:
+    """Verdict, figures and tables of the products tested at the points."""
+    warnings = tuple(_warnings(tests, statement))
+    return StageReport(
+        verdict=_verdict(statement),
+        answers=tuple(_answers(statement)),
+        products=(Product(path="products/accuracy.json", purpose="What is stated of the accuracy, with its evidence"),),
+        evidence=tuple(_evidence(statement)),
+        figures=tuple(_figures(statement)),
+        grids=tuple(_grids(tests, statement)),
+        doubts=warnings,
+        warnings=warnings,
+    )
+
+
+def _verdict(statement: AccuracyStatement) -> Verdict:
+    if not statement.figures:
+        return Verdict(level="fair", sentence=NOTHING, weighs=True)
+    told = "; ".join(_short(figure) for figure in statement.figures if figure.kind != "three_dimensional")
+    contradicted = any(figure.promised and figure.promised > REALISTIC for figure in statement.figures)
+    level = "poor" if contradicted else "good" if all(figure.formal for figure in statement.figures) else "fair"
+    return Verdict(level=level, sentence=f"Products tested at independent points: {told}.", weighs=True)
+
+
+def _short(figure: AccuracyFigure) -> str:
+    return f"{_length(figure.rmse)} {_WORDS[figure.kind]} at {_points(figure.points)}"
+
+
+def _answers(statement: AccuracyStatement) -> Iterator[Answer]:
+    for kind, topic in (("horizontal", Topic.ACCURACY_PLAN), ("nva", Topic.ACCURACY_HEIGHT)):
+        figure = statement.of(kind)  # type: ignore[arg-type]
+        if figure:
+            sure = f"{_length(figure.low)} to {_length(figure.high)}" if figure.high is not None else "one point tells no interval"
+            product = "orthoimage" if kind == "horizontal" else "surface"
+            text = f"{_length(figure.rmse)} ({product} at {_points(figure.points)}, the survey's own error in it; 95 %: {sure})"
+            yield Answer(topic=topic, text=text)
+
+
+def _evidence(statement: AccuracyStatement) -> Iterator[Evidence]:
+    for kind, (of, products) in _PRODUCTS.items():
+        if figure := statement.of(kind):
+            formal = "" if figure.formal else f"; a formal statement needs {figure.needed}"
+            proved = f", {figure.proved_cm} cm proved with 97.5 %" if figure.proved_cm else ""
+            source = f"from {_points(figure.points)} in the product itself{proved}{formal}"
+            yield Evidence(of=of, rmse=figure.rmse, source=source, products=products)
+
+
+def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
+    yield Figure(name="level", value=statement.level, sentence="tested by independent points, or promised only.")
+    for figure in statement.figures:
+        name, words = figure.kind, _WORDS[figure.kind]
+        rest = (
+            ("points", figure.points, "", "Points at which it was tested."),
+            ("rmse", round(figure.rmse, 4), "m", f"Accuracy {words}: root of the sum of squares of differences and survey."),
+            ("rmse_low", round(figure.low, 4), "m", "Lower end of its 95 % confidence interval."),
+            ("rmse_high", figure.high and round(figure.high, 4), "m", "Upper end: so few points prove no more."),
+            ("fit", round(figure.fit, 4), "m", "Root mean square of the differences alone."),
+            ("survey", round(figure.survey, 4), "m", "Root mean square of the survey's stated errors."),
+            ("mean", round(figure.mean, 4), "m", "Mean difference: what all share."),
+            ("nmad", figure.robust and round(figure.robust, 4), "m", "Robust spread of the differences."),
+            ("at_90", round(figure.at_90, 4), "m", "90 % of the differences are no larger (LE90, CE90, counted)."),
+            ("at_95", round(figure.at_95, 4), "m", "95 % of the differences are no larger (counted)."),
+            ("by_promised", figure.promised and round(figure.promised, 2), "", "Differences in units of their promised errors."),
+            ("class", figure.class_cm, "cm", "Accuracy class by the formula of ASPRS edition 2."),
+            ("class_proved", figure.proved_cm, "cm", "The class that the test proves with 97.5 %."),
+        )
+        for key, value, unit, sentence in rest:
+            headline = key == "rmse"
+            yield Figure(name=f"{name}_{key}", value=value, unit=unit, sentence=sentence, headline=headline, detail=not headline)
+
+
+def _grids(tests: PointTests, statement: AccuracyStatement) -> Iterator[Grid]:
+    if statement.figures:
+        rows = tuple((_WORDS[figure.kind], figure.points, figure.needed, figure.sentence) for figure in statement.figures)
+        note = "RMSE: root of the sum of squares of the differences' root mean square and the survey's, as edition 2 asks for."
+        yield Grid(title="As the standard words it", columns=("accuracy", "points", "needed", "statement"), rows=rows, note=note)
+    if tests.points:
+        columns = (
+            "point",
+            "dX (m)",
+            "dY (m)",
+            "sigma plan (m)",
+            "dZ (m)",
+            "promised Z (m)",
+            "dZ checked (m)",
+            "block dX",
+            "dY",
+            "dZ",
+            "note",
+        )
+        note = "Products minus survey; block: rays of the photographs minus survey. A note says why a product is not tested there."
+        yield Grid(title="Products at the check points", columns=columns, rows=tuple(map(_row, tests.points)), note=note)
+
+
+def _row(test: PointTest) -> tuple[float | int | str | None, ...]:
+    plan, block = test.place_difference, test.block or (None, None, None)
+    sigma = None if plan is None or test.place is None else round(max(test.place.sigma), 4)
+    checked = test.corrected.height - test.surveyed[2] if test.corrected and test.corrected.tested else None
+    notes = [_why_not(test.height, test.surveyed[2])] if test.height and not test.height.tested else []
+    notes += [f"place: {test.place.reason}"] if test.place and not test.place.tested else []
+    values = (*(plan or (None, None)), sigma, test.height_difference, test.height_predicted, checked, *block)
+    return (test.name, *(None if v is None else round(v, 4) for v in values), "; ".join(notes))
+
+
+def _why_not(height: HeightTest, surveyed: float) -> str:
+    """The reason, and the difference all the same where there is one: what is not counted is shown."""
+    there = f" ({height.height - surveyed:+.3f} m, not counted)" if math.isfinite(height.height) else ""
+    return f"height: {height.reason}{there}"
+
+
+def _warnings(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
+    yield from (error.sentence for error in statement.named)
+    for figure in statement.figures:
+        if figure.promised and figure.promised > REALISTIC:
+            yield (
+                f"Differences {_WORDS[figure.kind]} are {figure.promised:.1f} times what was promised for them: the "
+                "stated standard errors are too small here, by that factor."
+            )
+    rough = sum(bool(test.height and "edge" in test.height.reason) for test in tests.points)
+    if rough > max(1, len(tests.points) / 3):
+        yield (
+            f"At {rough} of {len(tests.points)} check points the surface is no plane within three cells, so that its height is not "
+            "tested there: points beside edges, or a surface rougher than it states. Look at them in the table."
+        )
+
+
+def _points(count: int) -> str:
+    return "1 check point" if count == 1 else f"{count} check points"
+
+
+def _length(metres: float) -> str:
+    return f"{1000 * metres:.0f} mm" if metres < 0.1 else f"{metres:.2f} m"

@@ -1,0 +1,125 @@
+"""Errors that all differences at check points share, named for what they are: shift, tilt, dome, scale, turn.
+
+Heights follow 1, x, y and the square of the distance from the middle, without their means, so that a dome is no shift; plan
+follows a similarity. A part is named where it is beyond chance (t-test, 99.9 %) by the noise that all parts together leave.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from orthomill.schemas.accuracy.accuracy_statement import NamedError
+
+_SURE = 0.9995
+"""two-sided 99.9 %"""
+_COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
+
+
+@dataclass(frozen=True)
+class _ErrorFit:
+    """Parameters with their covariance, and the value of Student's t beyond which one is no chance."""
+
+    value: np.ndarray
+    covariance: np.ndarray
+    limit: float
+
+    def sigma(self, parts: list[int]) -> float:
+        return math.sqrt(max(float(np.trace(self.covariance[np.ix_(parts, parts)])), 0.0))
+
+    def sure(self, parts: list[int]) -> bool:
+        value, covariance = self.value[parts], self.covariance[np.ix_(parts, parts)]
+        # For two parameters Hotelling's statistic against twice the square of t: a little strict, never lax.
+        distance = value @ np.linalg.pinv(covariance) @ value
+        return bool(distance > len(parts) * self.limit**2)
+
+
+def named_errors(places: np.ndarray, height: np.ndarray, plan: np.ndarray) -> tuple[NamedError, ...]:
+    """What the differences share, the largest first.
+
+    places (N, 2) X, Y m; height (N,) and plan (N, 2) differences m, NaN where they were not tested.
+    """
+    found = [*_of_heights(places, height), *_of_plan(places, plan)]
+    return tuple(sorted(found, key=lambda error: -error.size))
+
+
+def _fitted(design: np.ndarray, observed: np.ndarray) -> _ErrorFit | None:
+    freedom = len(observed) - design.shape[1]
+    if freedom < 2 or np.linalg.matrix_rank(design) < design.shape[1]:
+        return None
+    value = np.linalg.lstsq(design, observed, rcond=None)[0]
+    noise = float(((observed - design @ value) ** 2).sum()) / freedom
+    # A noise of nothing would make every rounding error sure.
+    return _ErrorFit(value, max(noise, 1e-12) * np.linalg.inv(design.T @ design), float(stdtrit(freedom, _SURE)))
+
+
+def _about_middle(places: np.ndarray) -> tuple[np.ndarray, float]:
+    """Places from their middle in units of the farthest one's distance, and that distance, m."""
+    away = places - places.mean(axis=0)
+    reach = float(np.linalg.norm(away, axis=1).max()) or 1.0
+    return away / reach, reach
+
+
+def _of_heights(places: np.ndarray, height: np.ndarray) -> list[NamedError]:
+    known = np.isfinite(height)
+    if known.sum() < 4:
+        return []
+    (unit, reach), dh = _about_middle(places[known]), height[known]
+    square = (unit**2).sum(axis=1)
+    parts = [np.ones(len(dh)), unit[:, 0], unit[:, 1]]
+    bent = _fitted(np.column_stack([*parts, square - square.mean()]), dh)
+    fit = bent or _fitted(np.column_stack(parts), dh) or _fitted(np.ones((len(dh), 1)), dh)
+    if fit is None:
+        return []
+    found = []
+    if fit.sure([0]):
+        side = "high" if fit.value[0] > 0 else "low"
+        found.append(_error("shift_up", abs(fit.value[0]), fit.sigma([0]), f"The surface as a whole lies {{size}} too {side}"))
+    if len(fit.value) > 2 and fit.sure([1, 2]):
+        size = 2 * math.hypot(fit.value[1], fit.value[2])
+        way = _COMPASS[round(math.atan2(fit.value[2], fit.value[1]) / (math.pi / 4)) % 8]
+        words = (
+            f"The surface is tilted: it rises by {{size}} towards the {way} across the points ({500 * size / reach:.2g} m per km)"
+        )
+        found.append(_error("tilt", size, 2 * fit.sigma([1, 2]), words))
+    if bent and bent.sure([3]):
+        shape = "bowl-shaped: its middle lies {size} too low" if bent.value[3] > 0 else "domed: its middle lies {size} too high"
+        found.append(_error("dome", abs(bent.value[3]), bent.sigma([3]), f"The surface is {shape} against its edges"))
+    return found
+
+
+def _of_plan(places: np.ndarray, plan: np.ndarray) -> list[NamedError]:
+    known = np.isfinite(plan).all(axis=1)
+    if known.sum() < 3:
+        return []
+    (unit, reach), d = _about_middle(places[known]), plan[known]
+    one, none = np.ones(len(d)), np.zeros(len(d))
+    east = np.column_stack([one, none, unit[:, 0], -unit[:, 1]])
+    north = np.column_stack([none, one, unit[:, 1], unit[:, 0]])
+    fit = _fitted(np.concatenate([east, north]), np.concatenate([d[:, 0], d[:, 1]]))
+    if fit is None:
+        return []
+    found = []
+    if fit.sure([0, 1]):
+        way = _COMPASS[round(math.atan2(fit.value[1], fit.value[0]) / (math.pi / 4)) % 8]
+        size = math.hypot(fit.value[0], fit.value[1])
+        found.append(_error("shift_plan", size, fit.sigma([0, 1]), f"The whole is shifted {{size}} towards the {way}"))
+    if fit.sure([2]):
+        large = "large" if fit.value[2] > 0 else "small"
+        ppm = 1e6 * abs(fit.value[2]) / reach
+        words = f"The scale is wrong: everything is {ppm:.3g} millionths too {large}, {{size}} at the farthest point"
+        found.append(_error("scale", abs(fit.value[2]), fit.sigma([2]), words))
+    if fit.sure([3]):
+        turn = "counter-clockwise" if fit.value[3] > 0 else "clockwise"
+        degrees = math.degrees(abs(fit.value[3]) / reach)
+        words = f"The whole is turned {turn} by {degrees:.2g} degrees, {{size}} at the farthest point"
+        found.append(_error("turn", abs(fit.value[3]), fit.sigma([3]), words))
+    return found
+
+
+def _error(kind: str, size: float, sigma: float, words: str) -> NamedError:
+    value = f"{size:.3f} m (standard error {sigma:.3f} m)" if size < 1 else f"{size:.2f} m (standard error {sigma:.2f} m)"
+    return NamedError.model_validate(
+        {"kind": kind, "size": float(size), "sigma": float(sigma), "sentence": words.format(size=value) + "."}
+    )

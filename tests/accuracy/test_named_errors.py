@@ -1,0 +1,43 @@
+"""Shared errors of a surface at its check points have the name of what they are."""
+
+import numpy as np
+import pytest
+
+from orthomill.tasks.accuracy.statement.named_errors import named_errors
+
+RNG = np.random.default_rng(3)
+PLACES = RNG.uniform(0, 1000, (20, 2)) + np.array([400_000.0, 4_000_000.0])
+UNIT = (PLACES - PLACES.mean(axis=0)) / 500
+NOISE, FLAT = RNG.normal(0, 0.02, 20), RNG.normal(0, 0.02, (20, 2))
+
+
+@pytest.mark.parametrize(
+    ("kind", "height", "plan", "words"),
+    [
+        ("dome", -1.3 * (UNIT**2).sum(axis=1), 0, "domed: its middle lies"),
+        ("dome", 1.3 * (UNIT**2).sum(axis=1), 0, "bowl-shaped"),
+        ("tilt", 0.3 * UNIT[:, 0], 0, "towards the east across the points (0.6 m per km)"),
+        ("shift_up", 0.2, 0, "too high"),
+        ("shift_plan", 0, np.array([0.1, 0.1]), "towards the north-east"),
+        ("scale", 0, 1e-3 * (PLACES - PLACES.mean(axis=0)), "millionths too large"),
+        ("turn", 0, 0.2 * UNIT[:, ::-1] * (-1, 1), "counter-clockwise"),
+    ],
+)
+def test_an_error_is_named_for_what_it_is(kind, height, plan, words):
+    found = named_errors(PLACES, NOISE + height, FLAT + plan)
+    assert found[0].kind == kind
+    assert words in found[0].sentence
+    assert found[0].size > 5 * found[0].sigma
+
+
+def test_noise_alone_has_no_name():
+    none = [named_errors(PLACES, RNG.normal(0, 0.05, 20), RNG.normal(0, 0.05, (20, 2))) for _ in range(60)]
+    assert sum(map(len, none)) <= 3
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5])
+def test_few_points_give_few_names(count):
+    nothing = np.full(20, np.nan)
+    height = np.where(np.arange(20) < count, 5.0 + NOISE, nothing)
+    found = named_errors(PLACES, height, np.full((20, 2), np.nan))
+    assert all(error.kind == "shift_up" for error in found)
