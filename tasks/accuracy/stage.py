@@ -4,14 +4,24 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
+from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS
-from orthomill.schemas.job import Export, Job
+from orthomill.schemas.accuracy.promised_errors import RELIABILITY
+from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
 from orthomill.tasks.accuracy.plan.point_jobs import PointJobs
 from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
+
+_FILES: dict[str, Table] = {
+    "accuracy": STATEMENT,
+    "accuracy_points": POINT_TESTS,
+    "reliability": RELIABILITY,
+    "adjustment": ADJUSTMENT_STATEMENT,
+}
+_TABLES: dict[str, Table] = {"exterior_precision": EXTERIOR_PRECISION, "interior_correlation": INTERIOR_CORRELATION}
 
 
 class AccuracyStage(Stage):
@@ -34,7 +44,9 @@ class AccuracyStage(Stage):
             stage="accuracy",
             item="report",
             function=accuracy_report,
-            reads={"tests": POINT_TESTS, "statement": STATEMENT},
+            reads={"tests": POINT_TESTS, "statement": STATEMENT, "reliability": RELIABILITY, "adjustment": ADJUSTMENT_STATEMENT},
             writes={"report": report_table("accuracy")},
         )
-        yield Export("accuracy", "statement_json", "products/accuracy.json", "json", tables=(STATEMENT,))
+        yield from (Export("accuracy", name, f"products/{name}.json", "json", tables=(table,)) for name, table in _FILES.items())
+        for name, columns in _TABLES.items():
+            yield Export("accuracy", name, f"products/{name}.csv", "csv", tables=(columns,))

@@ -6,7 +6,9 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
+from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
+from orthomill.schemas.accuracy.promised_errors import RELIABILITY
 from orthomill.schemas.job import Job, Raster, Reading, Table
 from orthomill.schemas.observations import CONTROL, ControlPoint
 from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
@@ -14,9 +16,11 @@ from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
+from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import state_adjustment
 from orthomill.tasks.accuracy.points.orthoimage_place import level_for, patch_window, pixels_around
 from orthomill.tasks.accuracy.points.point_test import PatchPlace, PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
+from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import level_shape
@@ -47,6 +51,20 @@ class PointJobs:
             reads={"tests": tuple(tables)},
             writes={"tests": POINT_TESTS},
             params={"area_km2": area},
+        )
+        yield Job(
+            stage="accuracy",
+            item="reliability",
+            function=reliability_of,
+            reads={"tests": POINT_TESTS, "ground": GROUND_RESIDUALS},
+            writes={"reliability": RELIABILITY},
+        )
+        yield Job(
+            stage="accuracy",
+            item="adjustment",
+            function=state_adjustment,
+            reads={"block": BLOCK, "ground": GROUND_RESIDUALS, "control": CONTROL},
+            writes={"statement": ADJUSTMENT_STATEMENT, "exterior": EXTERIOR_PRECISION, "interior": INTERIOR_CORRELATION},
         )
         yield Job(
             stage="accuracy", item="statement", function=statement_of, reads={"tests": POINT_TESTS}, writes={"statement": STATEMENT}

@@ -4,8 +4,17 @@ import math
 from collections.abc import Iterator
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement
+from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement
 from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
+from orthomill.schemas.accuracy.promised_errors import Reliability
 from orthomill.schemas.stage_report import Accuracy, Answer, Evidence, Figure, Grid, Product, StageReport, Topic, Verdict
+from orthomill.tasks.accuracy.report.adjustment_words import (
+    adjustment_grids,
+    promise_chart,
+    promise_figures,
+    promise_grid,
+    promise_warnings,
+)
 
 _WORDS: dict[AccuracyKind, str] = {
     "horizontal": "in plan (orthoimage)",
@@ -17,6 +26,14 @@ _PRODUCTS: dict[AccuracyKind, tuple[Accuracy, tuple[str, ...]]] = {
     "horizontal": ("plan", ("products/ortho.tif",)),
     "nva": ("height", ("products/dsm.tif",)),
 }
+_FILES = (
+    Product(path="products/accuracy.json", purpose="What is stated of the accuracy, with its evidence"),
+    Product(path="products/accuracy_points.json", purpose="The products at each check point"),
+    Product(path="products/reliability.json", purpose="Promised errors beside what independent observations found"),
+    Product(path="products/adjustment.json", purpose="Correlations of the cameras and reliability of the control"),
+    Product(path="products/exterior_precision.csv", purpose="Standard errors and correlations of every exterior orientation"),
+    Product(path="products/interior_correlation.csv", purpose="Correlations of the interior parameters"),
+)
 NOTHING = (
     "Nothing is proved: there are no check points. What is stated is the precision that the adjustment promises, and how well "
     "photographs and surface agree; errors that both share are in neither."
@@ -25,16 +42,19 @@ REALISTIC = 2.0
 """Differences this many times their promised standard errors contradict the promise."""
 
 
-def accuracy_report(tests: PointTests, statement: AccuracyStatement) -> StageReport:
+def accuracy_report(
+    tests: PointTests, statement: AccuracyStatement, reliability: Reliability, adjustment: AdjustmentStatement
+) -> StageReport:
     """Verdict, figures and tables of the products tested at the points."""
-    warnings = tuple(_warnings(tests, statement))
+    warnings = (*_warnings(tests, statement), *promise_warnings(reliability))
     return StageReport(
         verdict=_verdict(statement),
         answers=tuple(_answers(statement)),
-        products=(Product(path="products/accuracy.json", purpose="What is stated of the accuracy, with its evidence"),),
+        products=_FILES,
         evidence=tuple(_evidence(statement)),
-        figures=tuple(_figures(statement)),
-        grids=tuple(_grids(tests, statement)),
+        figures=(*_figures(statement), *promise_figures(reliability)),
+        grids=(*_grids(tests, statement), promise_grid(reliability), *adjustment_grids(adjustment)),
+        charts=promise_chart(reliability),
         doubts=warnings,
         warnings=warnings,
     )

@@ -1,0 +1,99 @@
+"""The adjustment as an authority asks for it: correlations of cameras, precision of photographs, reliability of control."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Columns, Table
+
+
+class _Part(BaseModel):
+    """Base of its parts."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class InteriorStatement(_Part):
+    """The interior orientation of a camera with standard errors and correlations."""
+
+    camera: str
+    source: str
+    parameters: tuple[str, ...]
+    """those that have a standard error"""
+    values: tuple[float, ...]
+    sigmas: tuple[float, ...]
+    """c, x0, y0 in px, the others without unit"""
+    correlations: tuple[tuple[float, ...], ...]
+    """(n, n)"""
+
+
+class ControlReliability(_Part):
+    """How well an error of one coordinate of a control point would have been found, and what it does while it is not."""
+
+    point: str
+    axis: str
+    sigma: float
+    """m, stated"""
+    redundancy: float
+    """share of an error that its residual shows"""
+    detectable: float | None
+    """m: smallest error that the test at 0.1 % finds with 80 % (inner reliability); None: nothing checks it"""
+    effect: float | None
+    """m: what an error of that size, not found, does to the adjusted coordinate (external reliability)"""
+
+
+class AdjustmentStatement(_Part):
+    """Cameras and control."""
+
+    cameras: tuple[InteriorStatement, ...] = ()
+    control: tuple[ControlReliability, ...] = ()
+
+
+@dataclass(frozen=True)
+class ExteriorPrecision(Columns):
+    """Standard errors and correlations of every exterior orientation, one photograph a row."""
+
+    photo: np.ndarray
+    """str"""
+    sigma_x: np.ndarray
+    sigma_y: np.ndarray
+    sigma_z: np.ndarray
+    """float64 m"""
+    sigma_omega: np.ndarray
+    sigma_phi: np.ndarray
+    sigma_kappa: np.ndarray
+    """float64 degrees"""
+    x_y: np.ndarray
+    x_z: np.ndarray
+    x_omega: np.ndarray
+    x_phi: np.ndarray
+    x_kappa: np.ndarray
+    y_z: np.ndarray
+    y_omega: np.ndarray
+    y_phi: np.ndarray
+    y_kappa: np.ndarray
+    z_omega: np.ndarray
+    z_phi: np.ndarray
+    z_kappa: np.ndarray
+    omega_phi: np.ndarray
+    omega_kappa: np.ndarray
+    phi_kappa: np.ndarray
+    """float64, correlations"""
+
+
+@dataclass(frozen=True)
+class InteriorCorrelation(Columns):
+    """Correlations of the interior parameters, one pair of parameters a row."""
+
+    camera: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    """str"""
+    correlation: np.ndarray
+    """float64"""
+
+
+ADJUSTMENT_STATEMENT = Table("accuracy/adjustment.json", AdjustmentStatement)
+EXTERIOR_PRECISION = Table("accuracy/exterior_precision.parquet", ExteriorPrecision)
+INTERIOR_CORRELATION = Table("accuracy/interior_correlation.parquet", InteriorCorrelation)

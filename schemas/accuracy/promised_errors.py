@@ -1,0 +1,52 @@
+"""Which share of independent observations lay within the errors that were promised for them."""
+
+from pydantic import BaseModel, ConfigDict
+
+from orthomill.schemas.job import Table
+
+MULTIPLES = (1.0, 2.0, 3.0)
+"""of the promised standard errors"""
+EXPECTED = (0.6827, 0.9545, 0.9973)
+"""shares within these of normal errors whose standard errors are right"""
+
+
+class KeptPromises(BaseModel):
+    """Observations of one kind against the standard errors promised for them."""
+
+    model_config = ConfigDict(frozen=True)
+
+    kind: str
+    independent: bool
+    """whether they took no part; otherwise each was compared with what all others say (left out in turn)"""
+    items: int
+    """points, photographs or distances"""
+    values: int
+    """coordinates of all of them"""
+    within: tuple[float, float, float]
+    """shares within MULTIPLES"""
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    """95 % confidence intervals of these shares, for so many items"""
+    factor: float
+    """what the promised errors must be multiplied with for 68 % to lie within one; offered, never applied"""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the share within one promised error may be the one that normal errors have."""
+        return self.low[0] <= EXPECTED[0] <= self.high[0]
+
+    @property
+    def too_sure(self) -> bool:
+        """Whether fewer lie within than were promised, beyond chance."""
+        return self.high[0] < EXPECTED[0]
+
+
+class Reliability(BaseModel):
+    """All kinds of a project."""
+
+    model_config = ConfigDict(frozen=True)
+
+    kinds: tuple[KeptPromises, ...] = ()
+
+
+RELIABILITY = Table("accuracy/reliability.json", Reliability)

@@ -1,0 +1,107 @@
+"""Correlations of interior and exterior orientations, and the reliability of control, from what the adjustment stored.
+
+Source: Baarda 1968, A testing procedure for use in geodetic networks: delta0 = 4.13 for a test at 0.1 % with a power of 80 %;
+smallest error found delta0 sigma / sqrt(r), its effect on the adjusted coordinate (1 - r) times that.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from orthomill.schemas.accuracy.adjustment_statement import (
+    AdjustmentStatement,
+    ControlReliability,
+    ExteriorPrecision,
+    InteriorCorrelation,
+    InteriorStatement,
+)
+from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.observations import Control
+from orthomill.schemas.orientation import Block, GroundResidual, GroundResiduals
+
+DELTA0 = 4.13
+_CHECKED = 1e-4
+"""redundancy number below which nothing checks an observation"""
+
+
+class StatedAdjustment(NamedTuple):
+    """The statement, and its long tables."""
+
+    statement: AdjustmentStatement
+    exterior: ExteriorPrecision
+    interior: InteriorCorrelation
+
+
+def state_adjustment(block: Block, ground: GroundResiduals, control: Control) -> StatedAdjustment:
+    """All that an authority asks for beyond the figures of the block."""
+    cameras = tuple(found for name, camera in sorted(block.cameras.items()) if (found := _interior(name, camera)))
+    sigmas = {point.name: point.sigma for point in control.points}
+    points = tuple(
+        one
+        for residual in ground.of_role("control")
+        if residual.name in sigmas
+        for one in _control(residual, sigmas[residual.name])
+    )
+    return StatedAdjustment(AdjustmentStatement(cameras=cameras, control=points), _exterior(block), _pairs(cameras))
+
+
+def correlations_of(covariance: np.ndarray) -> np.ndarray:
+    """The correlation matrix (n, n) of a covariance (n, n); zero rows for what has no variance."""
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(covariance / np.outer(sigma, sigma), posinf=0.0, neginf=0.0)
+
+
+def _interior(name: str, camera: Camera) -> InteriorStatement | None:
+    """A camera whose parameters have standard errors; None otherwise."""
+    if camera.covariance is None:
+        return None
+    covariance = np.array(camera.covariance)
+    known = np.flatnonzero(np.diag(covariance) > 0)
+    if not len(known):
+        return None
+    part = covariance[np.ix_(known, known)]
+    return InteriorStatement(
+        camera=name,
+        source=camera.source,
+        parameters=tuple(INTERIOR[i] for i in known),
+        values=tuple(camera.interior[i] for i in known),
+        sigmas=tuple(map(float, np.sqrt(np.diag(part)))),
+        correlations=tuple(tuple(map(float, row)) for row in correlations_of(part)),
+    )
+
+
+def _control(residual: GroundResidual, sigma: tuple[float, float, float]) -> list[ControlReliability]:
+    if residual.redundancy is None:
+        return []
+    rows = []
+    for axis, own, share in zip("XYZ", sigma, residual.redundancy, strict=True):
+        found = DELTA0 * own / math.sqrt(share) if share > _CHECKED else None
+        effect = None if found is None else (1 - share) * found
+        rows.append(
+            ControlReliability(point=residual.name, axis=axis, sigma=own, redundancy=share, detectable=found, effect=effect)
+        )
+    return rows
+
+
+def _exterior(block: Block) -> ExteriorPrecision:
+    known = [photo for photo in block.photos if photo.covariance is not None]
+    covariance = np.array([photo.covariance for photo in known], np.float64).reshape(-1, 6, 6)
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    sigma[:, 3:] = np.degrees(sigma[:, 3:])
+    correlation = np.array([correlations_of(one) for one in covariance]).reshape(-1, 6, 6)
+    rows, cols = np.triu_indices(6, 1)
+    return ExteriorPrecision(np.array([photo.photo for photo in known], str), *sigma.T, *correlation[:, rows, cols].T)
+
+
+def _pairs(cameras: tuple[InteriorStatement, ...]) -> InteriorCorrelation:
+    rows = [
+        (camera.camera, first, second, camera.correlations[i][j])
+        for camera in cameras
+        for i, first in enumerate(camera.parameters)
+        for j, second in enumerate(camera.parameters)
+        if i < j
+    ]
+    names, firsts, seconds, values = zip(*rows, strict=True) if rows else ((), (), (), ())
+    return InteriorCorrelation(np.array(names, str), np.array(firsts, str), np.array(seconds, str), np.array(values, np.float64))

@@ -1,0 +1,1 @@
+"""Promised standard errors beside what independent observations found."""
