@@ -8,7 +8,7 @@ Source of the interval: Wilson 1927. Leave-one-out and residuals: Baarda 1968; C
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def reliability_of(tests: PointTests, ground: GroundResiduals) -> Reliability:
     return Reliability(kinds=tuple(kind for kind in found if kind is not None))
 
 
-def kept(kind: str, independent: bool, items: Iterable[list[tuple[float | None, float | None]]]) -> KeptPromises | None:
+def kept(kind: str, independent: bool, items: Iterable[Sequence[tuple[float | None, float | None]]]) -> KeptPromises | None:
     """One kind from the (difference, promised standard error) pairs of each item, m; None where nothing was promised."""
     known = [[abs(d) / s for d, s in item if d is not None and s is not None and s > _LEAST] for item in items]
     ratios = [np.array(item) for item in known if item]
