@@ -28,10 +28,15 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.export.reference_systems import geotiff_wkt, plan_in_file, with_system
+from orthomill.pipeline.export.vectors.geojson import write_geojson
+from orthomill.pipeline.export.vectors.geopackage import write_geopackage
+from orthomill.pipeline.export.vectors.map_drawing import write_drawing
+from orthomill.pipeline.export.vectors.map_features import Layer, line_features
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Columns, Export, FileBytes
+from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
 GDAL_CACHE = 64 * 2**20
@@ -301,6 +306,32 @@ def _write_xyz(export: Export, store: ReadableStore, path: Path) -> None:
 # --- tables ------------------------------------------------------------------------------------------------------------------
 
 
+def _write_gpkg(export: Export, store: ReadableStore, path: Path) -> None:
+    with _renamed_when_whole(path) as temporary:
+        write_geopackage(temporary, (_line_layer(export, store),), _place_of(export, store).crs)
+
+
+def _write_dxf(export: Export, store: ReadableStore, path: Path) -> None:
+    with _renamed_when_whole(path) as temporary:
+        write_drawing(temporary, (_line_layer(export, store),))
+
+
+def _write_geojson(export: Export, store: ReadableStore, path: Path) -> None:
+    with _renamed_when_whole(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as target:
+        write_geojson(target, (_line_layer(export, store),), _place_of(export, store).crs)
+
+
+def _line_layer(export: Export, store: ReadableStore) -> Layer:
+    """The lines of the one table of an export, under the name of its file."""
+    return Layer(Path(export.path).stem, "line", tuple(line_features(_the_table(export, store, MapLines))))
+
+
+def _place_of(export: Export, store: ReadableStore) -> RasterSpec:
+    if "place" not in export.rasters:
+        raise StoreError(f'{export.path} is made from a table and needs a raster called "place" for the reference system.')
+    return store.spec(export.rasters["place"])
+
+
 def _write_json(export: Export, store: ReadableStore, path: Path) -> None:
     write_whole(path, (_the_table(export, store, BaseModel).model_dump_json(indent=2) + "\n").encode())
 
@@ -356,4 +387,7 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "text": _write_text,
     "bytes": _write_bytes,
     "xyz": _write_xyz,
+    "gpkg": _write_gpkg,
+    "dxf": _write_dxf,
+    "geojson": _write_geojson,
 }

@@ -1,12 +1,33 @@
 """The stage `terrain`: the bare ground of the surface model, and what stands on it."""
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
 
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
-from orthomill.schemas.settings import setting
+from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
+
+
+class NoContours(Settings):
+    """No contours are drawn."""
+
+    kind: Literal["none"]
+
+
+class DrawContours(Settings):
+    """Contours as GeoPackage, DXF and GeoJSON, dashed where the ground was not measured."""
+
+    kind: Literal["draw"] = "draw"
+    interval: Annotated[float, Field(gt=0, le=1000)] | Literal["auto"] = setting(
+        "auto", "Height between contours; auto: the least round one that the accuracy of the ground bears.", "m"
+    )
+    index_every: int = setting(5, "Every so many-th contour is an index contour, with its height written on it.", ge=1, le=100)
+
+
+Contours = Annotated[DrawContours | NoContours, Field(discriminator="kind")]
 
 
 class TerrainStage(Stage):
@@ -23,6 +44,7 @@ class TerrainStage(Stage):
     steepest: float = setting(0.7, "The steepest ground that continues ground beside it, as a ratio.", gt=0, le=5)
     roughness: float = setting(0.1, "How uneven ground is anywhere.", "m", ge=0, le=10)
     max_gap: float = setting(100.0, "How far from measured ground the terrain is continued.", "m", gt=0, le=2000)
+    contours: Contours = setting(DrawContours(), "Contours of the terrain.")
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """Blocks, their ground, what hiding it tells, bridges, the terrain of the cells, and classes."""

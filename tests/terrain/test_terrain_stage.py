@@ -35,7 +35,7 @@ from orthomill.schemas.surface import (
     points_table,
 )
 from orthomill.tasks.terrain.objects.object_classes import point_classes
-from orthomill.tasks.terrain.stage import TerrainStage
+from orthomill.tasks.terrain.stage import DrawContours, NoContours, TerrainStage
 
 RASTERS = (TERRAIN, TERRAIN_PRECISION, TERRAIN_CODE, ABOVE_GROUND, CELL_CLASS)
 
@@ -133,6 +133,18 @@ def test_a_surface_without_any_measured_height_has_no_terrain_and_says_so():
     project.run(TerrainStage(widest_object=30, max_gap=20, slope=0.2, steepest=0.6, roughness=0.2))
     assert np.isnan(project.rasters[TERRAIN]).all() and not project.rasters[TERRAIN_CODE].any()
     assert project.tables[report_table("terrain").path].verdict.level == "poor"
+
+
+def test_contours_are_drawn_at_the_interval_that_is_asked_for_or_left_out():
+    drawn = HillyProject(384).fill(1.0)
+    drawn.run(TerrainStage(widest_object=30, max_gap=60, contours=DrawContours(interval=2.0, index_every=2)))
+    lines = drawn.tables["terrain/contours.parquet"]
+    assert set(np.unique(lines.height)) <= {98.0, 100.0, 102.0, 104.0, 106.0, 108.0} and len(lines) > 500
+    assert set(lines.text[lines.height == 100.0]) == {"100"} and lines.dashed.any() and not lines.dashed.all()
+    assert {export.format for export in drawn.exports.values()} >= {"gpkg", "dxf", "geojson"}
+    without = HillyProject(384).fill(1.0)
+    without.run(TerrainStage(widest_object=30, max_gap=60, contours=NoContours(kind="none")))
+    assert "terrain/contours.parquet" not in without.tables
 
 
 @pytest.mark.parametrize("wrong", [{"widest_object": 0}, {"slope": -0.1}, {"max_gap": 0}])

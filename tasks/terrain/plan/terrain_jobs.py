@@ -16,8 +16,10 @@ from orthomill.schemas.surface import CORRECTED, DATUM_PRECISION, HEIGHT, PROVEN
 from orthomill.tasks.terrain.ground import block_heights, bridges
 from orthomill.tasks.terrain.ground.learned_errors import ErrorCurve, HiddenGround, learned_errors
 from orthomill.tasks.terrain.ground.terrain_cells import blocks_around
-from orthomill.tasks.terrain.report.terrain_report import TerrainFacts, TerrainSums, sums_of_tile, terrain_report
-from orthomill.tasks.terrain.stage import TerrainStage
+from orthomill.tasks.terrain.plan.contour_jobs import INTERVAL, contour_jobs
+from orthomill.tasks.terrain.report.terrain_report import TerrainFacts, terrain_report
+from orthomill.tasks.terrain.report.terrain_sums import TerrainSums, sums_of_tile
+from orthomill.tasks.terrain.stage import DrawContours, TerrainStage
 from orthomill.tasks.terrain.terrain_tile import (
     TerrainRules,
     blocks_of_tile,
@@ -113,6 +115,8 @@ class TerrainJobs:
         )
         for of_tile in (self._bridge, self._cells, self._points, self._sums):
             yield from map(of_tile, self.tiles)
+        if isinstance(self.settings.contours, DrawContours):
+            yield from contour_jobs(self.settings.contours, self.grid, self.tiles, self._sums_tables)
         yield self._report()
         bands = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE}
         yield Export("terrain", "terrain", "products/terrain.tif", "cog", bands)
@@ -200,12 +204,18 @@ class TerrainJobs:
         return self._job(tile, "points", classify_points, reads, writes, params, 120 * tile.window.height * tile.window.width)
 
     def _sums(self, tile: Tile) -> Job:
-        reads = {key: Raster(_CELL_RASTERS[key], tile.window) for key in ("precision", "code", "cell_class", "above")}
+        reads = {key: Raster(_CELL_RASTERS[key], tile.window) for key in ("height", "precision", "code", "cell_class", "above")}
         scratch = 24 * tile.window.height * tile.window.width
         return self._job(tile, "sums", sums_of_tile, reads, {"sums": _sums_table(tile)}, {}, scratch)
 
+    @property
+    def _sums_tables(self) -> tuple[Table[TerrainSums], ...]:
+        return tuple(_sums_table(tile) for tile in self.tiles)
+
     def _report(self) -> Job:
-        reads: dict[str, Reading] = {"sums": tuple(_sums_table(tile) for tile in self.tiles), "curve": CURVE}
+        reads: dict[str, Reading] = {"sums": self._sums_tables, "curve": CURVE}
+        if isinstance(self.settings.contours, DrawContours):
+            reads["interval"] = INTERVAL
         facts = TerrainFacts(self.grid.cell, self.rules.block)
         return Job(
             stage="terrain",

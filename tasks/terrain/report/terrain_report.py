@@ -6,7 +6,6 @@ from math import sqrt
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.bare_ground import (
     ABOVE_GROUND,
@@ -16,11 +15,12 @@ from orthomill.schemas.bare_ground import (
     TERRAIN_CODE,
     TERRAIN_CODES,
     TERRAIN_PRECISION,
-    CellClass,
     TerrainCode,
 )
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
+from orthomill.tasks.terrain.contours.contour_interval import ContourInterval
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_CELLS, ErrorCurve
+from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
 
 _NAMES = {
     TerrainCode.MEASURED: "measured",
@@ -38,20 +38,13 @@ _PRODUCTS = (
     Product(path="products/height_above_ground.tif", purpose="Heights of buildings and trees above the ground"),
     Product(path="products/classes.tif", purpose="Ground, buildings and plants by the numbers of ASPRS"),
 )
+_CONTOUR_PRODUCTS = (
+    Product(path="products/contours.gpkg", purpose="Contours for a GIS, dashed where the ground was not measured", main=True),
+    Product(path="products/contours.dxf", purpose="Contours for CAD: layers for index, plain and dashed lines"),
+    Product(path="products/contours.geojson", purpose="Contours in longitude and latitude"),
+)
 _GOOD, _FAIR = 0.6, 0.2
 """share of the terrain that was measured"""
-
-
-class TerrainSums(BaseModel):
-    """Cells of a tile by code of the terrain, with the sums of the squares of their standard errors (m2), and by class."""
-
-    model_config = ConfigDict(frozen=True)
-
-    cells: tuple[int, ...]
-    squares: tuple[float, ...]
-    classes: tuple[int, ...]
-    highest: float
-    """m above the ground; 0 where nothing is"""
 
 
 @dataclass(frozen=True)
@@ -62,25 +55,12 @@ class TerrainFacts:
     block: float
 
 
-def sums_of_tile(precision: np.ndarray, code: np.ndarray, cell_class: np.ndarray, above: np.ndarray) -> TerrainSums:
-    """The sums of rasters (rows, cols)."""
-    count, classes = len(TerrainCode), max(CellClass) + 1
-    squares = np.bincount(code.ravel(), np.nan_to_num(precision.ravel().astype(np.float64)) ** 2, count)
-    standing = above[np.isin(cell_class, (CellClass.BUILDING, CellClass.HIGH_VEGETATION))]
-    return TerrainSums(
-        cells=tuple(np.bincount(code.ravel(), minlength=count).tolist()),
-        squares=tuple(squares.tolist()),
-        classes=tuple(np.bincount(cell_class.ravel(), minlength=classes).tolist()),
-        highest=round(float(np.nanmax(standing)), 3) if len(standing) else 0.0,
-    )
-
-
 @dataclass(frozen=True)
 class _TerrainTotals:
     cells: np.ndarray
     squares: np.ndarray
     classes: np.ndarray
-    highest: float
+    tallest: float
 
     @property
     def terrain(self) -> int:
@@ -95,20 +75,22 @@ class _TerrainTotals:
         return sqrt(self.squares[code] / self.cells[code]) if self.cells[code] else None
 
 
-def terrain_report(sums: tuple[TerrainSums, ...], curve: ErrorCurve, facts: TerrainFacts) -> StageReport:
+def terrain_report(
+    sums: tuple[TerrainSums, ...], curve: ErrorCurve, facts: TerrainFacts, interval: ContourInterval | None = None
+) -> StageReport:
     """The report of the stage from the sums of all tiles and what hiding ground told."""
     totals = _TerrainTotals(
         np.sum([tile.cells for tile in sums], axis=0),
         np.sum([tile.squares for tile in sums], axis=0),
         np.sum([tile.classes for tile in sums], axis=0),
-        max(tile.highest for tile in sums),
+        max(tile.tallest for tile in sums),
     )
     warnings = tuple(_warnings(totals, curve))
     return StageReport(
         verdict=_verdict(totals),
         answers=_answers(totals),
-        products=_PRODUCTS,
-        figures=tuple(_figures(totals, curve, facts)),
+        products=(*_PRODUCTS, *(_CONTOUR_PRODUCTS if interval else ())),
+        figures=(*_figures(totals, curve, facts), *_contour_figures(interval)),
         grids=(_code_grid(totals), _class_grid(totals)),
         charts=(_curve_chart(curve, facts),),
         pictures=_pictures(),
@@ -165,11 +147,17 @@ def _figures(totals: _TerrainTotals, curve: ErrorCurve, facts: TerrainFacts) -> 
         yield Figure(
             name=f"{name}_sigma", value=rounded, unit="m", sentence=f"Root mean square of the standard errors: {meanings[code]}."
         )
-    yield Figure(name="highest_object", value=totals.highest, unit="m", sentence="Greatest height above the ground.")
+    yield Figure(name="highest_object", value=totals.tallest, unit="m", sentence="Greatest height above the ground.")
     hidden = sum(curve.cells[0]) + sum(curve.cells[1])
     yield Figure(
         name="hidden_blocks", value=hidden, sentence="Measured ground that was hidden and bridged again, to learn its errors."
     )
+
+
+def _contour_figures(interval: ContourInterval | None) -> Iterator[Figure]:
+    if interval is not None:
+        why = "Interval of the contours: nine of ten points of measured ground lie within half of it."
+        yield Figure(name="contour_interval", value=interval.interval, unit="m", sentence=why)
 
 
 def _warnings(totals: _TerrainTotals, curve: ErrorCurve) -> Iterator[str]:

@@ -1,0 +1,1 @@
+"""Points, lines and areas as files for maps and drawings."""

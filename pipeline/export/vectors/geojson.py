@@ -1,0 +1,49 @@
+"""Features as GeoJSON, in longitude and latitude as its standard asks; on a plane of its own in X and Y.
+
+Source: RFC 7946.
+"""
+
+import json
+from collections.abc import Iterable
+from typing import TextIO
+
+import numpy as np
+from pyproj import CRS, Transformer
+
+from orthomill.pipeline.export.vectors.map_features import Layer
+
+_DEGREES, _METRES = 8, 3
+"""decimals: a millimetre, in either"""
+
+
+def write_geojson(target: TextIO, layers: Iterable[Layer], crs: str | None) -> None:
+    """All features in one collection; a feature has the name of its layer as an attribute where there are several layers."""
+    many = len(layers := tuple(layers)) > 1
+    change = _to_degrees(crs)
+    target.write('{"type": "FeatureCollection", "features": [')
+    first = True
+    for layer in layers:
+        for feature in layer.features:
+            properties = {"layer": layer.name, **feature.attributes} if many else feature.attributes
+            item = {"type": "Feature", "geometry": _geometry(feature.places, layer.kind, change), "properties": properties}
+            target.write(("\n" if first else ",\n") + json.dumps(item))
+            first = False
+    target.write("\n]}\n")
+
+
+def _to_degrees(crs: str | None) -> Transformer | None:
+    system = CRS.from_user_input(crs) if crs is not None else None
+    if system is None or not (system.is_projected or system.is_geographic or system.is_compound):
+        return None
+    plane = system.sub_crs_list[0] if system.is_compound else system.to_2d()
+    return Transformer.from_crs(plane, CRS.from_epsg(4326), always_xy=True)
+
+
+def _geometry(places: np.ndarray, kind: str, change: Transformer | None) -> dict[str, object]:
+    x, y = (places[:, 0], places[:, 1]) if change is None else change.transform(places[:, 0], places[:, 1])
+    digits = _METRES if change is None else _DEGREES
+    columns = (np.round(x, digits), np.round(y, digits), np.round(places[:, 2], _METRES))
+    rows = np.column_stack(columns).tolist()
+    if kind == "point":
+        return {"type": "Point", "coordinates": rows[0]}
+    return {"type": "LineString", "coordinates": rows} if kind == "line" else {"type": "Polygon", "coordinates": [rows]}

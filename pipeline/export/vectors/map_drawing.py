@@ -1,0 +1,94 @@
+"""Features as a drawing (DXF): layers, line types, heights and labels, for CAD.
+
+Lines are polylines in space, so that CAD has their heights; a dashed line has the line type of its layer. Labels stand in the
+middle of their line, along it, readable from the south.
+
+Source: Autodesk, DXF Reference (R12 entities, which every CAD reads).
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from orthomill.pipeline.export.vectors.map_features import Feature, Layer
+
+_CONTINUOUS, _DASHED = "CONTINUOUS", "DASHED"
+_COLOURS = {False: 8, True: 30}
+"""number of the colour of a layer: grey, orange for index lines"""
+_TEXT_HEIGHT = 0.004
+"""share of the width of the drawing"""
+
+
+def write_drawing(path: Path, layers: tuple[Layer, ...]) -> None:
+    """The lines, outlines and points as a file at `path`."""
+    with path.open("w", encoding="ascii", errors="replace", newline="\r\n") as target:
+        for code, value in _pairs(layers):
+            target.write(f"{code:>3}\n{value}\n")
+
+
+def _pairs(layers: tuple[Layer, ...]) -> Iterator[tuple[int, str]]:
+    features = [feature for layer in layers for feature in layer.features]
+    places = np.concatenate([f.places for f in features]) if features else np.zeros((1, 3))
+    low, high = places.min(axis=0), places.max(axis=0)
+    yield from _header(low, high)
+    yield from _tables({(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max()))
+    size = max(_TEXT_HEIGHT * float((high[:2] - low[:2]).max()), 0.01)
+    yield from ((0, "SECTION"), (2, "ENTITIES"))
+    for layer in layers:
+        for feature in layer.features:
+            yield from _point(feature) if layer.kind == "point" else _polyline(feature, layer.kind == "area")
+            if feature.text:
+                yield from _text(feature, size)
+    yield from ((0, "ENDSEC"), (0, "EOF"))
+
+
+def _header(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[int, str]]:
+    yield from ((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (9, "$LTSCALE"), (40, "1.0"))
+    for name, corner in (("$EXTMIN", low), ("$EXTMAX", high)):
+        yield (9, name)
+        yield from _place(corner)
+    yield (0, "ENDSEC")
+
+
+def _tables(used: set[tuple[str, bool]], width: float) -> Iterator[tuple[int, str]]:
+    yield from ((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LTYPE"), (70, "2"))
+    yield from ((0, "LTYPE"), (2, _CONTINUOUS), (70, "0"), (3, "Solid line"), (72, "65"), (73, "0"), (40, "0.0"))
+    dash = max(width / 250, 0.1)
+    yield from ((0, "LTYPE"), (2, _DASHED), (70, "0"), (3, "__ __ __"), (72, "65"), (73, "2"), (40, f"{1.5 * dash:.4f}"))
+    yield from ((49, f"{dash:.4f}"), (49, f"{-0.5 * dash:.4f}"), (0, "ENDTAB"))
+    yield from ((0, "TABLE"), (2, "LAYER"), (70, str(len(used))))
+    for name, dashed in sorted(used):
+        colour = _COLOURS["INDEX" in name]
+        yield from ((0, "LAYER"), (2, name or "0"), (70, "0"), (62, str(colour)), (6, _DASHED if dashed else _CONTINUOUS))
+    yield from ((0, "ENDTAB"), (0, "ENDSEC"))
+
+
+def _polyline(feature: Feature, closed: bool) -> Iterator[tuple[int, str]]:
+    places = feature.places
+    # 8: a polyline in space, 1: closed; the first vertex of a closed one is not repeated.
+    ring = closed or (len(places) > 2 and bool((places[0] == places[-1]).all()))
+    yield from ((0, "POLYLINE"), (8, feature.layer or "0"), (66, "1"), (70, "9" if ring else "8"))
+    yield from _place(np.zeros(3))
+    for place in places[:-1] if ring else places:
+        yield from ((0, "VERTEX"), (8, feature.layer or "0"), (70, "32"))
+        yield from _place(place)
+    yield (0, "SEQEND")
+
+
+def _point(feature: Feature) -> Iterator[tuple[int, str]]:
+    yield from ((0, "POINT"), (8, feature.layer or "0"))
+    yield from _place(feature.places[0])
+
+
+def _text(feature: Feature, size: float) -> Iterator[tuple[int, str]]:
+    at = len(feature.places) // 2
+    along = feature.places[min(at + 1, len(feature.places) - 1)] - feature.places[max(at - 1, 0)]
+    angle = (np.degrees(np.arctan2(along[1], along[0])) + 90) % 180 - 90 if len(feature.places) > 1 else 0.0
+    yield from ((0, "TEXT"), (8, f"{feature.layer}_TEXT"))
+    yield from _place(feature.places[at])
+    yield from ((40, f"{size:.3f}"), (1, feature.text), (50, f"{angle:.2f}"))
+
+
+def _place(place: np.ndarray) -> Iterator[tuple[int, str]]:
+    yield from ((code, f"{value:.4f}") for code, value in zip((10, 20, 30), place, strict=True))

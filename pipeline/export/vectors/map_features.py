@@ -1,0 +1,49 @@
+"""Features on the map, as every format of vectors takes them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from orthomill.schemas.maps.map_lines import MapLines
+
+Kind = Literal["point", "line", "area"]
+_GEOMETRY = ("line", "x", "y", "z")
+_DRAWING = ("layer", "dashed", "text")
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A point (1, 3), a line (N, 3), or the closed outline of an area (N, 3): X, Y, Z in m; its attributes by name."""
+
+    places: np.ndarray
+    attributes: dict[str, str | int | float | bool | None]
+    layer: str = ""
+    dashed: bool = False
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Features of one kind with the same attributes."""
+
+    name: str
+    kind: Kind
+    features: tuple[Feature, ...]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the attributes, in their order."""
+        return tuple(self.features[0].attributes) if self.features else ()
+
+
+def line_features(table: MapLines) -> Iterator[Feature]:
+    """The lines of a table."""
+    names = [f.name for f in fields(table) if f.name not in (*_GEOMETRY, *_DRAWING)]
+    starts = np.flatnonzero(np.diff(table.line, prepend=-1)) if len(table) else np.zeros(0, np.int64)
+    places = np.column_stack([table.x, table.y, table.z])
+    for first, last in zip(starts, [*starts[1:], len(table)], strict=False):
+        attributes = {name: getattr(table, name)[first].item() for name in names}
+        drawing = {name: getattr(table, name)[first].item() for name in _DRAWING}
+        yield Feature(places[first:last], attributes, str(drawing["layer"]), bool(drawing["dashed"]), str(drawing["text"]))

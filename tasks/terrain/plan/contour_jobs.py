@@ -1,0 +1,68 @@
+"""The jobs of the contours: their interval, pieces tile by tile, and the lines of the whole map."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_PRECISION
+from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.raster import MapGrid, Tile, Window
+from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
+from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
+from orthomill.tasks.terrain.contours.joined_contours import ContourLines, join_contours
+from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
+from orthomill.tasks.terrain.stage import DrawContours
+
+INTERVAL = Table("terrain/contour_interval.json", ContourInterval)
+CONTOURS = Table("terrain/contours.parquet", ContourLines)
+_FORMATS = {"contours.gpkg": "gpkg", "contours.dxf": "dxf", "contours.geojson": "geojson"}
+_VERTEX = 200
+"""bytes of a vertex while lines are joined"""
+
+
+def contour_jobs(
+    asked: DrawContours, grid: MapGrid, tiles: list[Tile], sums: tuple[Table[TerrainSums], ...]
+) -> Iterator[Job | Export]:
+    """The contours of a terrain on `grid`, whose interval follows from the sums of its tiles."""
+    yield Job(
+        stage="terrain",
+        item="interval",
+        function=contour_interval,
+        reads={"sums": sums},
+        writes={"interval": INTERVAL},
+        params={"asked": None if asked.interval == "auto" else asked.interval},
+    )
+    yield from (_pieces(grid, tile) for tile in tiles)
+    yield Job(
+        stage="terrain",
+        item="joined",
+        function=join_contours,
+        reads={"parts": tuple(_pieces_table(tile) for tile in tiles), "interval": INTERVAL},
+        writes={"lines": CONTOURS},
+        params={"cell": grid.cell, "every": asked.index_every},
+        # Ten cells of ground for a vertex: contours are no closer than the relief allows.
+        scratch=_VERTEX * grid.rows * grid.cols // 10,
+    )
+    for name, kind in _FORMATS.items():
+        yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, (CONTOURS,))
+
+
+def _pieces(grid: MapGrid, tile: Tile) -> Job:
+    # A row and a column of the next tile: between their cells and the last ones of this tile lie contours as well.
+    window = tile.window
+    core = Window(window.row, window.col, window.height + 1, window.width + 1).clipped(grid.shape)
+    outer = core.grown(HALO).clipped(grid.shape)
+    names = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE}
+    return Job(
+        stage="terrain",
+        item="contours",
+        function=contour_pieces,
+        reads={**{key: Raster(name, outer) for key, name in names.items()}, "interval": INTERVAL},
+        writes={"pieces": _pieces_table(tile)},
+        params={"grid": grid, "windows": (outer, core)},
+        row=tile.row,
+        col=tile.col,
+        scratch=80 * outer.height * outer.width,
+    )
+
+
+def _pieces_table(tile: Tile) -> Table[ContourPieces]:
+    return Table(f"terrain/contours/{tile.row}-{tile.col}.parquet", ContourPieces)

@@ -1,0 +1,99 @@
+"""Lines as GeoPackage, DXF and GeoJSON: read back by other programs."""
+
+import json
+import sqlite3
+
+import numpy as np
+import pytest
+
+from orthomill.pipeline.export.vectors.geojson import write_geojson
+from orthomill.pipeline.export.vectors.geopackage import write_geopackage
+from orthomill.pipeline.export.vectors.map_drawing import write_drawing
+from orthomill.pipeline.export.vectors.map_features import Feature, Layer, line_features
+from orthomill.tasks.terrain.contours.joined_contours import ContourLines
+
+
+def contours() -> ContourLines:
+    """A ring at 10 m and a dashed line at 12.5 m."""
+    x = np.array([0.0, 4.0, 4.0, 0.0, 10.0, 11.0, 12.0]) + 407000
+    y = np.array([0.0, 0.0, 4.0, 0.0, 0.0, 5.0, 1.0]) + 4357000
+    line, flat = np.array([0, 0, 0, 0, 1, 1, 1]), np.array([0, 0, 0, 0, 1, 1, 1], bool)
+    height = np.where(flat, 12.5, 10.0)
+    return ContourLines(
+        line=line,
+        x=x,
+        y=y,
+        z=height,
+        layer=np.where(flat, "CONTOUR_DASHED", "CONTOUR_INDEX"),
+        dashed=flat,
+        text=np.where(flat, "", "10"),
+        height=height,
+        index=~flat,
+        measured=~flat,
+        sigma=np.where(flat, 0.5, 0.05),
+    )
+
+
+def layer() -> Layer:
+    return Layer("contours", "line", tuple(line_features(contours())))
+
+
+def test_a_geopackage_is_read_by_gdal(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    path = tmp_path / "c.gpkg"
+    write_geopackage(path, (layer(),), "EPSG:2100")
+    info = pyogrio.read_info(path)
+    assert info["crs"] == "EPSG:2100" and info["geometry_type"] == "LineString Z" and info["features"] == 2
+    meta, _, geometry, columns = pyogrio.raw.read(path)
+    values = dict(zip(meta["fields"], columns, strict=True))
+    assert values["height"].tolist() == [10.0, 12.5] and values["measured"].tolist() == [True, False]
+    coordinates = np.frombuffer(geometry[1][9:], "<f8").reshape(-1, 3)
+    assert coordinates[:, 2].tolist() == [12.5] * 3 and coordinates[0, 0] == 407010.0
+
+
+def test_a_geopackage_is_the_same_file_when_it_is_written_again_and_keeps_the_rules_of_sqlite(tmp_path):
+    for name in ("a.gpkg", "b.gpkg"):
+        write_geopackage(tmp_path / name, (layer(),), "EPSG:2100")
+    assert (tmp_path / "a.gpkg").read_bytes() == (tmp_path / "b.gpkg").read_bytes()
+    base = sqlite3.connect(tmp_path / "a.gpkg")
+    assert base.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert base.execute("PRAGMA foreign_key_check").fetchall() == []
+    assert base.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
+    assert base.execute("SELECT min_x, max_y FROM gpkg_contents").fetchone() == (407000.0, 4357005.0)
+
+
+def test_points_and_areas_without_a_system_are_read_as_well(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    ring = np.array([[0, 0, 1], [2, 0, 1], [2, 2, 1], [0, 0, 1]], float)
+    layers = (
+        Layer("cameras", "point", (Feature(np.array([[1.0, 2.0, 3.0]]), {"name": "a", "sigma": None}),)),
+        Layer("footprints", "area", (Feature(ring, {"name": "a"}),)),
+    )
+    write_geopackage(tmp_path / "b.gpkg", layers, None)
+    assert pyogrio.list_layers(tmp_path / "b.gpkg").tolist() == [["cameras", "Point Z"], ["footprints", "Polygon Z"]]
+    assert pyogrio.read_info(tmp_path / "b.gpkg", layer="footprints")["features"] == 1
+
+
+def test_a_drawing_is_read_by_another_program_with_layers_line_types_and_heights(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf")
+    path = tmp_path / "c.dxf"
+    write_drawing(path, (layer(),))
+    drawing = ezdxf.readfile(path)
+    ring, line = drawing.modelspace().query("POLYLINE")
+    assert ring.is_closed and len(ring.vertices) == 3 and not line.is_closed and ring.is_3d_polyline
+    assert line.vertices[1].dxf.location.isclose((407011, 4357005, 12.5))
+    assert drawing.layers.get("CONTOUR_DASHED").dxf.linetype == "DASHED"
+    assert drawing.layers.get("CONTOUR_INDEX").dxf.linetype.upper() == "CONTINUOUS"
+    (text,) = drawing.modelspace().query("TEXT")
+    assert text.dxf.text == "10" and -90 <= text.dxf.rotation <= 90
+    assert not drawing.audit().errors
+
+
+def test_geojson_is_in_degrees_and_on_a_plane_of_its_own_in_metres(tmp_path):
+    for crs, first in (("EPSG:2100", (22.93, 39.35)), (None, (407000.0, 4357000.0))):
+        with (tmp_path / "c.geojson").open("w") as target:
+            write_geojson(target, (layer(),), crs)
+        found = json.loads((tmp_path / "c.geojson").read_text())
+        place = found["features"][0]["geometry"]["coordinates"][0]
+        assert place[:2] == pytest.approx(first, abs=0.02) and place[2] == 10.0
+        assert found["features"][1]["properties"] == {"height": 12.5, "index": False, "measured": False, "sigma": 0.5}
