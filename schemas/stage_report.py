@@ -35,7 +35,14 @@ class Topic(StrEnum):
     ACCURACY_HEIGHT = "Accuracy in height"
     PRECISION = "Precision of the block"
     REFERENCE = "Reference system"
+    CAMERA = "Camera"
+    CAMERA_RESIDUALS = "Residuals of the calibration"
+    CAMERA_CHECK = "Calibration by halves"
     TIME = "Time"
+
+
+OF_A_CAMERA = (Topic.CAMERA, Topic.CAMERA_RESIDUALS, Topic.CAMERA_CHECK)
+"""Told where a calibration answers them; all others are what every survey is asked, once it has a place on the ground."""
 
 
 class Answer(_ReportPart):

@@ -12,7 +12,7 @@ from typing import Literal
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.signing.product_classes import product_classes
-from orthomill.schemas.stage_report import Product, StageReport, Topic
+from orthomill.schemas.stage_report import OF_A_CAMERA, Product, StageReport, Topic
 
 Reports = Mapping[str, StageReport]
 """The present report of every stage that has one, by kind."""
@@ -184,11 +184,13 @@ def _state(
 
 def _reasons(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Reason]:
     """What the stages say of their results, the worst first."""
-    found = [(kind, reports[kind].verdict) for kind, _ in stages if kind in reports]
+    found = [(kind, verdict) for kind, _ in stages if kind in reports and (verdict := reports[kind].verdict)]
+    # Where nothing is made that weighs, as in a calibration alone, what there is decides.
+    alone = not any(verdict.weighs for _, verdict in found)
     said = [
         Reason(kind, verdict.level, verdict.sentence)
         for kind, verdict in found
-        if verdict and (verdict.weighs or (verdict.level == "poor" and not reports[kind].aside))
+        if verdict.weighs or ((alone or verdict.level == "poor") and not reports[kind].aside)
     ]
     yield from sorted(said, key=lambda reason: -SEVERITY.index(reason.level))
 
@@ -209,10 +211,15 @@ def _cautions(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Caut
 
 def _answers(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts) -> Iterator[tuple[str, str]]:
     given = {answer.topic: answer.text for kind, _ in stages if kind in reports for answer in reports[kind].answers}
-    reference = given.get(Topic.REFERENCE, "")
-    given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
+    # What a survey is asked has no answer in a calibration alone, which is no survey.
+    surveyed = bool(given.keys() - {*OF_A_CAMERA, Topic.PHOTOGRAPHS}) or not given.keys() & {*OF_A_CAMERA}
+    if surveyed:
+        reference = given.get(Topic.REFERENCE, "")
+        given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
     given[Topic.TIME] = _time(run)
-    yield from ((str(topic), given.get(topic, NOT_DETERMINED)) for topic in Topic)
+    for topic in Topic:
+        if topic in given or (surveyed and topic not in OF_A_CAMERA):
+            yield str(topic), given.get(topic, NOT_DETERMINED)
 
 
 def _time(run: RunFacts) -> str:

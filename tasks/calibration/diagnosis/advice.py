@@ -12,6 +12,7 @@ from enum import StrEnum
 import numpy as np
 
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.board_tables import PhotoSearch
 from orthomill.tasks.calibration.solving.calibration_precision import correlations, largest_bend
 from orthomill.tasks.calibration.solving.model_choice import HeldOut
@@ -29,10 +30,14 @@ _STRONG = 0.9
 """Correlation above which two unknowns are hardly separated."""
 _BLURRED, _OVEREXPOSED = 2.5, 0.25
 """px of the standard deviation of edges, and share of saturated pixels: half of the white squares."""
-_WORSE, _HALVES, _REJECTED, _UNEVEN = 1.5, 4.0, 0.05, 2.5
+_WORSE, _HALVES, _REJECTED, _UNEVEN = 1.5, 2.5, 0.05, 2.5
 """Largest ratio of held-out to used residuals; of the halves' difference to its standard error; share of rejected corners; ratio of
 one board's residuals to those of the others."""
 
+_SQUARE, _SURE = 0.002, 4.0
+"""Pixels of digital cameras are square to better than this; a departure is believed from so many standard errors on."""
+_UNCERTAIN = 0.005
+"""Standard error of c, in units of c, above which heights from this camera are worth little."""
 _BENT, _CERTAIN = 2.0, 4.0
 """A bend is said that is so many times as large as was expected, and so many of its standard errors."""
 
@@ -60,6 +65,14 @@ class Weakness(StrEnum):
     OVEREXPOSED = "overexposed"
     LARGER_BOARDS = "larger boards"
     OTHER_BOARDS = "other boards"
+    NOT_SQUARE = "pixels not square"
+    UNDETERMINED = "coefficients undetermined"
+    CONSTANT_UNCERTAIN = "constant uncertain"
+
+
+_NOTED = (Weakness.BENT_BOARD, Weakness.BLURRED, Weakness.OVEREXPOSED, Weakness.OTHER_BOARDS, Weakness.LARGER_BOARDS)
+LIMITING = frozenset(Weakness).difference(_NOTED)
+"""Weaknesses that limit what the camera may be used for; the others are good to know"""
 
 
 @dataclass(frozen=True)
@@ -160,7 +173,23 @@ def result_advice(result: BoardAdjustment, check: HeldOut | None, target: Calibr
         out.append(Advice(Weakness.MANY_REJECTED, rejected))
     if result.sigma0 > max(1.0, 1.5 * scale):
         out.append(Advice(Weakness.LARGE_SIGMA0, result.sigma0))
-    return out + _board_advice(result) + _bend_advice(result)
+    return out + _parameter_advice(result) + _board_advice(result) + _bend_advice(result)
+
+
+def _parameter_advice(result: BoardAdjustment) -> list[Advice]:
+    """What the parameters themselves show."""
+    value, sigma = result.state.interior, np.sqrt(np.maximum(np.diag(result.interior_covariance), 0.0))
+    affinity, out = PARAMETERS.index("affinity"), []
+    if sigma[0] > _UNCERTAIN * value[0]:
+        out.append(Advice(Weakness.CONSTANT_UNCERTAIN, float(value[0]), values=(float(sigma[0]),)))
+    if sigma[affinity] > 0 and abs(value[affinity]) > max(_SQUARE, _SURE * sigma[affinity]):
+        out.append(Advice(Weakness.NOT_SQUARE, float(value[affinity]), values=(float(abs(value[affinity]) / sigma[affinity]),)))
+    # Coefficients of large lenses take each other's place; one that is larger than 1 and not known at all is no lens.
+    unknown = np.flatnonzero((sigma > 1.0) & (sigma > np.abs(value)) & (np.arange(len(value)) >= 3))
+    if len(unknown):
+        names = tuple(f"{PARAMETERS[k]} {value[k]:.3g} +- {sigma[k]:.2g}" for k in unknown)
+        out.append(Advice(Weakness.UNDETERMINED, names=names))
+    return out
 
 
 def _check_advice(result: BoardAdjustment, check: HeldOut | None) -> list[Advice]:

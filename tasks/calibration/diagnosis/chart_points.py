@@ -7,12 +7,20 @@ import numpy as np
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.diagnosis.advice import CELLS, frame_cells
 from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
-from orthomill.tasks.calibration.diagnosis.distortion_curve import RADIUS_SHARE, Radial, balanced, balancing_change, displacement
+from orthomill.tasks.calibration.diagnosis.distortion_curve import (
+    RADIUS_SHARE,
+    Radial,
+    balanced,
+    balancing_change,
+    radial_displacement,
+)
 from orthomill.tasks.calibration.solving.calibration_precision import correlations
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 _MOST_VECTORS = 250
 """Residual vectors in one chart: more of them hide each other."""
+_BALANCED = 0.2
+"""Largest change of c, in units of c, that is a balance and not another lens."""
 _FEWEST_IN_CELL = 5
 """Corners from which the mean residual of a cell is shown: of fewer it is mostly noise."""
 _MOST_PARAMETERS = 6
@@ -26,10 +34,15 @@ class ChartPoints(NamedTuple):
     series: dict[str, tuple[float, ...]]
 
 
-def balance(results: CalibrationResults) -> tuple[float, float]:
-    """Radius (px) of the balanced distortion curve and the change of c (px) that belongs to it."""
-    interior, radius = results.result.state.interior, RADIUS_SHARE * 0.5 * float(np.hypot(*results.target.size))
-    return radius, balancing_change(interior[0], radial_of(interior), radius)
+def balance(results: CalibrationResults) -> tuple[float, float | None]:
+    """Radius (px) of the balanced distortion curve and the change of c (px) that belongs to it; None where there is none.
+
+    It belongs to Brown's polynomial, and to distortion that is small against the ray: a line through the curve of a fisheye is no
+    camera constant.
+    """
+    state, radius = results.result.state, RADIUS_SHARE * 0.5 * float(np.hypot(*results.target.size))
+    change = balancing_change(state.interior[0], radial_of(state.interior), radius)
+    return radius, change if state.lens == "brown" and abs(change) < _BALANCED * state.interior[0] else None
 
 
 def radial_of(interior: np.ndarray) -> Radial:
@@ -39,15 +52,14 @@ def radial_of(interior: np.ndarray) -> Radial:
 
 
 def curve_points(results: CalibrationResults) -> ChartPoints:
-    """The distortion (px) as adjusted and balanced, by ideal radius (px)."""
-    interior = results.result.state.interior
+    """The distortion (px) as adjusted and, where there is such a curve, balanced, by ideal radius (px)."""
+    state = results.result.state
     _, change = balance(results)
     # To the corner of the frame, beyond the radius over which the curve is balanced.
     r = np.linspace(0.0, 0.5 * float(np.hypot(*results.target.size)), 60)
-    series = {
-        "as adjusted": displacement(r, interior[0], radial_of(interior)),
-        f"balanced, c {change:+.1f} px": balanced(r, interior[0], radial_of(interior), change),
-    }
+    series = {"as adjusted": radial_displacement(r, state.interior, state.lens)}
+    if change is not None:
+        series[f"balanced, c {change:+.1f} px"] = balanced(r, state.interior[0], radial_of(state.interior), change)
     return ChartPoints(tuple(r.round(1).tolist()), {name: tuple(y.round(4).tolist()) for name, y in series.items()})
 
 

@@ -8,6 +8,9 @@ Source: Kawka 2021, S13, with the factor 2 of the mixed term corrected (sources/
 
 import numpy as np
 
+from orthomill.schemas.camera import INTERIOR, LensKind
+from orthomill.tasks.geometry.distortion import distorted, lens_numbers
+
 Radial = tuple[float, float, float]
 """k1, k2, k3 in units of c"""
 RADIUS_SHARE = 0.85
@@ -18,6 +21,13 @@ def displacement(radius: np.ndarray, c: float, k: Radial) -> np.ndarray:
     """Radial displacement (px) at ideal `radius` (px) of coefficients normalised by c (px)."""
     r2 = (radius / c) ** 2
     return radius * r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
+
+
+def radial_displacement(radius: np.ndarray, interior: np.ndarray, lens: LensKind) -> np.ndarray:
+    """The same of any lens, without its tangential part; interior (17,) in the order of INTERIOR."""
+    aside = np.isin(INTERIOR, ("p1", "p2", "affinity", "skew", "s1", "s2", "s3", "s4"))
+    numbers, c = lens_numbers(np.where(aside, 0.0, interior), lens), interior[0]
+    return distorted(np.column_stack([radius, np.zeros_like(radius)]) / c, numbers)[:, 0] * c - radius
 
 
 def balancing_change(c: float, k: Radial, radius: float) -> float:

@@ -141,6 +141,27 @@ def _other_boards(advice: Advice) -> str:
     return f"Boards with {columns} x {rows} inner corners were found in {advice.value:.0f} photographs; is that the number?"
 
 
+def _not_square(advice: Advice) -> str:
+    return (
+        f"Pixels are {100 * abs(advice.value):.2g} % off square ({advice.values[0]:.0f} of its standard errors), which sensors are "
+        "not: the images were scaled differently in width and height, the boards have no squares, or the lens is not followed."
+    )
+
+
+def _undetermined(advice: Advice) -> str:
+    return (
+        f"Coefficients of the lens that nothing determines one by one: {some_of(advice.names)}; only their common curve within the "
+        "corners is known. A smaller model, or photographs with boards in the corners of the frame, would determine them."
+    )
+
+
+def _constant_uncertain(advice: Advice) -> str:
+    return (
+        f"The camera constant of {advice.value:.4g} px has a standard error of {advice.values[0]:.2g} px: take more photographs, "
+        "tilted by 20 to 40 degrees, with boards that fill the frame."
+    )
+
+
 def _percentages(advice: Advice) -> list[str]:
     return [f"{name} ({100 * value:.0f} %)" for name, value in zip(advice.names, advice.values, strict=True)]
 
@@ -166,4 +187,7 @@ _SENTENCES: dict[Weakness, Callable[[Advice], str]] = {
     Weakness.OVEREXPOSED: _overexposed,
     Weakness.LARGER_BOARDS: _larger_boards,
     Weakness.OTHER_BOARDS: _other_boards,
+    Weakness.NOT_SQUARE: _not_square,
+    Weakness.UNDETERMINED: _undetermined,
+    Weakness.CONSTANT_UNCERTAIN: _constant_uncertain,
 }

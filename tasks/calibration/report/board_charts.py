@@ -31,15 +31,16 @@ def board_charts(results: CalibrationResults) -> tuple[Chart, ...]:
 
 
 def _curve(results: CalibrationResults) -> Chart:
-    points, (radius, _) = curve_points(results), balance(results)
+    points, (radius, change) = curve_points(results), balance(results)
+    caption = f"Balanced over a radius of {radius:.0f} px ({RADIUS_SHARE:g} of half the diagonal); for comparison only."
     return Chart(
-        title="Balanced radial distortion",
+        title="Radial distortion as adjusted" if change is None else "Balanced radial distortion",
         style="lines",
         x_label="ideal radius (px)",
         y_label="displacement (px)",
         x=points.x,
         series=points.series,
-        caption=f"Balanced over a radius of {radius:.0f} px ({RADIUS_SHARE:g} of half the diagonal); for comparison only.",
+        caption="" if change is None else caption,
     )
 
 

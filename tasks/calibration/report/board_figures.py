@@ -93,10 +93,11 @@ def _held_out(results: CalibrationResults) -> tuple[Figure, ...]:
 
 def _geometry(results: CalibrationResults, shape: PhotoGeometry) -> tuple[Figure, ...]:
     # Comparable with calibrations that report a constant for least distortion; the camera keeps c as adjusted.
-    balanced = results.result.state.interior[0] + balance(results)[1]
+    change = balance(results)[1]
+    balanced = None if change is None else results.result.state.interior[0] + change
     tilt, turned = round(shape.tilt_largest, 1), round(shape.turned, 1)
     return (
-        _px("balanced_c", rounded(balanced), "Camera constant of the balanced distortion curve; for comparison only."),
+        _px("balanced_c", rounded(balanced), "Camera constant of the balanced curve of a Brown lens; for comparison only."),
         Figure(name="coverage", value=round(shape.coverage, 3), sentence="Share of the frame that corners cover."),
         Figure(name="largest_tilt", value=tilt, unit="degrees", sentence="Between a photograph and the boards."),
         Figure(name="kappa_range", value=turned, unit="degrees", sentence="Largest difference of kappa between photographs."),

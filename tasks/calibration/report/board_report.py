@@ -1,8 +1,10 @@
 """The report of a calibration from chessboards, added to that of its camera."""
 
-from orthomill.schemas.stage_report import Picture, Product, StageReport, Verdict
+from collections.abc import Iterator
+
+from orthomill.schemas.stage_report import Answer, Picture, Product, StageReport, Topic, Verdict
 from orthomill.tasks.calibration.board_tables import drawing_raster
-from orthomill.tasks.calibration.diagnosis.advice import Advice, geometry, geometry_advice, result_advice, search_advice
+from orthomill.tasks.calibration.diagnosis.advice import LIMITING, Advice, geometry, geometry_advice, result_advice, search_advice
 from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.diagnosis.drawing import RESIDUAL_LENGTH, spread, usual_length
 from orthomill.tasks.calibration.diagnosis.model_failure import fails, failure_advice
@@ -10,7 +12,9 @@ from orthomill.tasks.calibration.report.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.report.board_charts import board_charts
 from orthomill.tasks.calibration.report.board_figures import board_figures
 from orthomill.tasks.calibration.report.board_grids import board_grid, exterior_grid, model_grid, parameter_grid, photo_grid
+from orthomill.tasks.calibration.report.cameras_report import LENS_NAMES
 from orthomill.tasks.calibration.report.left_out_words import unused
+from orthomill.tasks.calibration.solving.calibration_precision import constant
 
 PRODUCTS = (
     Product(path="products/camera.json", purpose="The calibrated camera, to be used in other projects"),
@@ -35,9 +39,13 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
         *search_advice(results.searches),
     ]
     own = (model_grid(results), exterior_grid(results), board_grid(results), photo_grid(results), *unused(results))
+    sentences = {one.code: advice_sentence(one) for one in advice}
     return StageReport(
-        verdict=_verdict(plain.verdict, advice),
+        verdict=_verdict(results, advice),
+        answers=tuple(_answers(results)),
         products=PRODUCTS,
+        doubts=tuple(sentences[one.code] for one in advice if fails([one])),
+        losses=tuple(sentences[one.code] for one in advice if one.code in LIMITING),
         figures=(*plain.figures, *board_figures(results, shape)),
         grids=(parameter_grid(results), *plain.grids, *own),
         charts=(*plain.charts, *board_charts(results)),
@@ -46,15 +54,37 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
     )
 
 
-def _verdict(plain: Verdict | None, advice: list[Advice]) -> Verdict | None:
-    """That of the cameras, unless the adjustment contradicts the lens or the boards."""
-    if not fails(advice):
-        return plain
-    return Verdict(
-        level="poor",
-        sentence="The calibration does not follow the lens or the boards: do not use it before the first warnings are dealt with.",
-        weighs=True,
+def _verdict(results: CalibrationResults, advice: list[Advice]) -> Verdict:
+    """Poor where the adjustment contradicts the lens or the boards, fair where something limits it, with the first reasons."""
+    if fails(advice):
+        words = "The calibration does not follow the lens or the boards: do not use it before the first warnings are dealt with."
+        return Verdict(level="poor", sentence=words, weighs=True)
+    result, check = results.result, results.check
+    c, sigma = constant(result)
+    words = f"The camera constant is {c:.5g} px with a standard error of {sigma:.2g} px; corners fit to {result.rms:.2g} px"
+    words += "" if check is None else f", those of photographs that took no part to {check.rms_all:.2g} px"
+    limits = list(dict.fromkeys(str(one.code) for one in advice if one.code in LIMITING))
+    if limits:
+        return Verdict(level="fair", sentence=f"{words}; limited by: {', '.join(limits)}.")
+    return Verdict(level="good", sentence=f"{words}.")
+
+
+def _answers(results: CalibrationResults) -> Iterator[Answer]:
+    """What a calibration is made for."""
+    result, check = results.result, results.check
+    c, sigma = constant(result)
+    names = LENS_NAMES[result.state.lens]
+    yield Answer(
+        topic=Topic.CAMERA, text=f"c {c:.5g} px, standard error {sigma:.2g} px; {names}, {len(results.photos)} photographs"
     )
+    held = "" if check is None else f"; {check.rms_all:.2g} px in photographs that took no part"
+    yield Answer(topic=Topic.CAMERA_RESIDUALS, text=f"{result.rms:.2g} px of {int(result.used.sum())} corners{held}")
+    if check is not None:
+        parameter, ratio = check.worst
+        apart = f"c differs by {abs(float(check.difference[0])):.2g} px"
+        yield Answer(topic=Topic.CAMERA_CHECK, text=f"{apart}; at most {ratio:.2g} of their standard errors, in {parameter}")
+    else:
+        yield Answer(topic=Topic.CAMERA_CHECK, text="not made: too few photographs")
 
 
 def _pictures(results: CalibrationResults) -> tuple[Picture, ...]:

@@ -33,6 +33,11 @@ def photo_precision(result: BoardAdjustment, photo: int) -> tuple[np.ndarray, np
     return np.append(result.state.centre[photo], angles(R)), np.sqrt(np.clip(np.diag(covariance), 0.0, None))
 
 
+def constant(result: BoardAdjustment) -> tuple[float, float]:
+    """The camera constant and its standard error, px."""
+    return float(result.state.interior[0]), float(np.sqrt(max(result.interior_covariance[0, 0], 0.0)))
+
+
 def board_precision(result: BoardAdjustment, board: int) -> tuple[np.ndarray, np.ndarray]:
     """Shift (m) and rotation vector (radians) of a board, (6,), and their standard errors (6,); 0 for fixed ones."""
     columns = result.network.board_columns[board]

@@ -8,9 +8,11 @@ import pytest
 from bent_boards import bent_photographs
 from board_corners import EASY, corners_of, easy_calibration
 
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.board_tables import PhotoSearch
 from orthomill.tasks.calibration.diagnosis.advice import (
     CELLS,
+    LIMITING,
     Advice,
     PhotoGeometry,
     Weakness,
@@ -211,3 +213,17 @@ def test_a_bent_board_is_said_with_its_bend_and_a_flat_one_is_not():
         advice = result_advice(solve(target, (true,), corners, MODELS[0].free), None, target)
         bent = [advice_sentence(one) for one in advice if one.code is Weakness.BENT_BOARD]
         assert bool(bent) is said and all(re.match(r"Board 1 is bent by (3\.9|4\.0) mm", one) for one in bent)
+
+
+def test_parameters_that_are_no_camera_are_told(monkeypatch):
+    target, result = easy_calibration()
+    weak = {Weakness.NOT_SQUARE, Weakness.CONSTANT_UNCERTAIN, Weakness.UNDETERMINED}
+    assert not set(codes(result_advice(result, None, target))) & weak and weak < LIMITING
+    interior, covariance = result.state.interior.copy(), 1e10 * result.interior_covariance
+    affinity = PARAMETERS.index("affinity")
+    interior[affinity], covariance[affinity, affinity] = 0.0355, 0.0006**2
+    monkeypatch.setattr(type(result), "interior_covariance", property(lambda _: covariance))
+    found = result_advice(replace(result, state=replace(result.state, interior=interior)), None, target)
+    told = {one.code: advice_sentence(one) for one in found}
+    assert "3.5 % off square (59 of its standard errors)" in told[Weakness.NOT_SQUARE]
+    assert "has a standard error of" in told[Weakness.CONSTANT_UNCERTAIN] and "k1 " in told[Weakness.UNDETERMINED]

@@ -5,7 +5,7 @@ import pytest
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun
 from orthomill.pipeline.report.first_page import NOT_DETERMINED, first_page
 from orthomill.pipeline.report.present_reports import in_own_lengths
-from orthomill.schemas.stage_report import Answer, Product, StageReport, Topic, Verdict
+from orthomill.schemas.stage_report import OF_A_CAMERA, Answer, Product, StageReport, Topic, Verdict
 
 STAGES = (("simulation", "Simulated"), ("orientation", "Orientation"), ("texture", "Orthoimage"))
 
@@ -47,7 +47,7 @@ def test_silence_is_not_a_verdict(tmp_path):
         ({"orientation": StageReport(verdict=says("poor")), "texture": StageReport(verdict=says("fair"))}, "poor"),
         ({"orientation": StageReport(verdict=says("good"), warnings=("d",), doubts=("d",))}, "poor"),
         ({"orientation": StageReport(verdict=says("fair", weighs=False)), "texture": StageReport(verdict=says("good"))}, "good"),
-        ({"orientation": StageReport(verdict=says("good", weighs=False))}, "unjudged"),
+        ({"orientation": StageReport(verdict=says("fair", weighs=False))}, "fair"),
     ],
 )
 def test_the_run_is_as_good_as_the_worst_that_weighs(reports, level, tmp_path):
@@ -83,9 +83,18 @@ def test_every_question_is_answered_and_a_later_stage_knows_better(tmp_path):
     )
     reports = {"orientation": earlier, "texture": StageReport(answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.5 m"),))}
     answers = dict(page(reports, folder=tmp_path).answers)
-    assert list(answers) == [str(topic) for topic in Topic]
+    assert list(answers) == [str(topic) for topic in Topic if topic not in OF_A_CAMERA]
     assert answers[Topic.GROUND_PIXEL] == "0.5 m" and answers[Topic.REFERENCE] == "EPSG:2100, heights: x"
     assert answers[Topic.AREA] == NOT_DETERMINED
+
+
+def test_a_calibration_alone_is_not_asked_for_a_survey(tmp_path):
+    camera = StageReport(verdict=says("good", weighs=False), answers=(Answer(topic=Topic.CAMERA, text="c 900 px"),))
+    answers = dict(first_page({"calibration": camera}, (("calibration", "Calibration"),), run("calibration"), tmp_path).answers)
+    assert list(answers) == [Topic.CAMERA, Topic.TIME], "neither a pixel on the ground nor a system that it has none of"
+    surveyed = StageReport(answers=(Answer(topic=Topic.AREA, text="2 ha"),))
+    both = dict(page({"simulation": camera, "texture": surveyed}, folder=tmp_path).answers)
+    assert both[Topic.CAMERA] == "c 900 px" and both[Topic.HEIGHTS] == NOT_DETERMINED
 
 
 def test_products_are_those_that_exist_with_their_size(tmp_path):
