@@ -147,7 +147,8 @@ def _perform(work: JobOrder) -> Left:
         for name, region in job.writes.items():
             _write(store, region, values[name])
     births = {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
-    return Left(births, keep(work.folder, (path for region in job.writes.values() for path in store.files(region))))
+    files = (path for region in job.writes.values() for path in store.files(region))
+    return Left(births, keep(work.folder, files, store.written))
 
 
 def results_by_name(result: Any, job: Job) -> dict[str, Any]:

@@ -77,6 +77,7 @@ class Graph:
         self.root = root
         self.run_folder = run_folder
         self.specs: dict[str, RasterSpec] = {}
+        self._spec_texts: dict[str, str] = {}
         self.jobs: dict[Key, PlannedJob] = {}
         self._chunk_writers: dict[tuple[str, int, int], Key] = {}
         self._table_writers: dict[str, Key] = {}
@@ -86,7 +87,9 @@ class Graph:
     def add_raster(self, spec: RasterSpec) -> None:
         """Announce a raster. Raises GraphError when it was announced differently."""
         known = self.specs.setdefault(spec.name, spec)
-        if not known.same(spec):
+        # Its text is part of the fingerprint of every job that writes it: thousands of tiles, one raster.
+        self._spec_texts.setdefault(spec.name, repr(spec))
+        if known is not spec and not known.same(spec):
             raise GraphError(f"The raster {spec.name} is planned twice and differently: {known} and {spec}.")
 
     def add(self, job: Job | Export) -> PlannedJob | None:
@@ -181,7 +184,10 @@ class Graph:
 
     def _output_text(self, job: Job, name: str) -> str:
         output = job.writes[name]
-        return f"{name} {output!r} {self._spec(job, output.name)!r}" if isinstance(output, Raster) else f"{name} {output.path}"
+        if not isinstance(output, Raster):
+            return f"{name} {output.path}"
+        self._spec(job, output.name)
+        return f"{name} {output!r} {self._spec_texts[output.name]}"
 
     def _spec(self, job: Job, name: str) -> RasterSpec:
         if name not in self.specs:

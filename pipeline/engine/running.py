@@ -9,7 +9,7 @@ import platform
 import resource
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -277,10 +277,12 @@ def _on_dask(session: Session, options: Options, announce: Callable[[str], None]
         place = f"{options.processes} processes on this machine"
         client_of = local_client(options.processes, options.memory, options.port)
     address = folder / DASHBOARD
+    # Workers of this machine are our own, started from the files of this program.
+    recognised = shown(folder, session.mark) if options.scheduler else nullcontext()
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
-    with only_where_asked(), shown(folder, session.mark) as terms, client_of as client:
+    with only_where_asked(), recognised as terms, client_of as client:
         runner = DaskRunner(client, options.memory, place, options.room, terms, announce)
-        if options.scheduler:
+        if terms:
             runner.workforce.muster(terms)
         write_for_the_user_only(address, runner.dashboard)
         try:

@@ -86,6 +86,8 @@ class Session:
         self.store = Store(self.folder)
         self.records = Records(self.folder)
         self._announced = 0
+        self._found: dict[str, str] = {}
+        """birth marks of rasters as this planning found them"""
         self._rotten: set[Key] = set()
         """skipped jobs whose results a reader found damaged, to be done again when all others have ended"""
         # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
@@ -100,6 +102,7 @@ class Session:
     def plan(self) -> None:
         """Plan all that can be planned now: what is still valid is skipped, the rest is pending."""
         # A skipped job may have written, in an earlier run, the table that a stage waits for: then more can be planned at once.
+        self._found.clear()
         while True:
             new = self.planner.advance()
             for planned in new:
@@ -126,7 +129,13 @@ class Session:
         if isinstance(planned.job, Export):
             return {}
         names = {region.name for region in planned.job.writes.values() if isinstance(region, Raster)}
-        return {name: self.store.birth(name) for name in names if self.store.holds(self.graph.specs[name])}
+        return {name: birth for name in names if (birth := self._birth(name))}
+
+    def _birth(self, name: str) -> str:
+        """The birth mark of a raster; empty where there is none as it is planned. Asked once a planning, not for every tile."""
+        if name not in self._found:
+            self._found[name] = self.store.birth(name) if self.store.holds(self.graph.specs[name]) else ""
+        return self._found[name]
 
     def _defect(self, planned: PlannedJob, record: Record, thoroughly: bool = False) -> Defect | None:
         """What is wrong with the results of a job; None when they are all there."""
@@ -139,7 +148,7 @@ class Session:
         if isinstance(planned.job, Export):
             return (self.folder / planned.job.path).exists()
         return all(
-            self.store.has_table(region) if isinstance(region, Table) else self.store.holds(self.graph.specs[region.name])
+            self.store.has_table(region) if isinstance(region, Table) else bool(self._birth(region.name))
             for region in planned.job.writes.values()
         )
 
@@ -192,8 +201,8 @@ class Session:
         if isinstance(planned.job, Export):
             return
         for region in planned.job.writes.values():
-            if isinstance(region, Raster) and not self.store.holds(self.graph.specs[region.name]):
-                self.store.create(self.graph.specs[region.name])
+            if isinstance(region, Raster) and not self._birth(region.name):
+                self._found[region.name] = self.store.create(self.graph.specs[region.name])
 
     def check_resources(self, room: int) -> None:
         """Raises ResourceError when a pending job needs more than `room` bytes, all that a job has which runs alone, or all of them
@@ -222,6 +231,7 @@ class Session:
 
     def _suspect_inputs(self, key: Key) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""
+        self._found.clear()
         for before in self.graph.jobs[key].dependencies:
             record = self.records.get(before) if before in self.skipped else None
             if record and self._defect(self.graph.jobs[before], record, thoroughly=True):

@@ -5,12 +5,16 @@ without an error, so that its attributes hold a checksum of all the rest. The me
 """
 
 import json
+import os
 import zlib
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from orthomill.pipeline.storage.chunk_codec import ChunkCodec
 from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.schemas.raster import RasterSpec
 
 METADATA = "zarr.json"
 SEAL = "seal"
@@ -24,23 +28,53 @@ def seal_array(folder: Path) -> None:
     write_whole(folder / METADATA, json.dumps(metadata, indent=2).encode())
 
 
+@dataclass(frozen=True)
+class StoredArray:
+    """An array of the store as its metadata describe it."""
+
+    metadata: dict[str, Any]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return tuple(self.metadata["shape"])
+
+    @property
+    def birth(self) -> str:
+        return str(self.metadata["attributes"]["birth"])
+
+    @cached_property
+    def spec(self) -> RasterSpec:
+        return RasterSpec.model_validate(self.metadata["attributes"]["spec"])
+
+    @cached_property
+    def codec(self) -> ChunkCodec:
+        """How its chunks are stored. Raises UnknownCodec."""
+        return ChunkCodec.of(self.metadata)
+
+
 def array_metadata(folder: Path) -> dict[str, Any] | None:
     """The metadata of an array; None where there is none or it is damaged. Arrays of earlier versions have no seal."""
+    found = stored_array(folder)
+    return found.metadata if found else None
+
+
+def stored_array(folder: Path) -> StoredArray | None:
+    """The array in a folder; None where there is none or its metadata are damaged."""
     try:
-        state = (folder / METADATA).stat()
+        state = os.stat(f"{folder}/{METADATA}")
     except OSError:
         return None
-    return _sealed(folder, state.st_mtime_ns, state.st_size)
+    return _sealed(folder, state.st_mtime_ns, state.st_size, state.st_ino)
 
 
 @lru_cache(maxsize=1024)
-def _sealed(folder: Path, changed: int, size: int) -> dict[str, Any] | None:
+def _sealed(folder: Path, changed: int, size: int, number: int) -> StoredArray | None:
     # Kept by the file's state: every job opens its arrays anew, and most of them are those of the job before.
     metadata = _read(folder)
     if metadata is None or metadata.get("node_type") != "array" or not isinstance(metadata.get("attributes"), dict):
         return None
     sealed = metadata["attributes"].get(SEAL)
-    return metadata if sealed in (None, _checksum(metadata)) else None
+    return StoredArray(metadata) if sealed in (None, _checksum(metadata)) else None
 
 
 def _checksum(metadata: dict[str, Any]) -> str:

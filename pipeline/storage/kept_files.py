@@ -26,14 +26,15 @@ KeptFiles = Mapping[str, KeptFile]
 """by path relative to the run's folder"""
 
 
-def keep(folder: Path, paths: Iterable[Path]) -> dict[str, KeptFile]:
-    """What files of the run's folder are like. Raises OSError."""
-    return {path.relative_to(folder).as_posix(): _state(path) for path in paths}
+def keep(folder: Path, paths: Iterable[Path], checksums: Mapping[Path, int] | None = None) -> dict[str, KeptFile]:
+    """What files of the run's folder are like. `checksums` of those of which they are known need not be read. Raises OSError."""
+    known = checksums or {}
+    return {path.relative_to(folder).as_posix(): _state(path, known.get(path)) for path in paths}
 
 
-def _state(path: Path) -> KeptFile:
+def _state(path: Path, checksum: int | None) -> KeptFile:
     status = path.stat()
-    return KeptFile(status.st_size, status.st_mtime_ns, _checksum(path))
+    return KeptFile(status.st_size, status.st_mtime_ns, _checksum(path) if checksum is None else checksum)
 
 
 def _checksum(path: Path) -> int:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 from pyproj import CRS
 
 from orthomill.pipeline.storage.array_metadata import array_metadata, seal_array
@@ -63,6 +62,8 @@ def write_axes(rasters: Path, spec: RasterSpec) -> list[Path]:
 
 
 def _write_axis(folder: Path, direction: str, values: np.ndarray) -> None:
+    import zarr
+
     axis, standard_name = _DIRECTIONS[direction]
     name = folder.name
     attributes: dict[str, Any] = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}
@@ -73,6 +74,8 @@ def _write_axis(folder: Path, direction: str, values: np.ndarray) -> None:
 
 
 def _write_reference_system(folder: Path, crs: str) -> None:
+    import zarr
+
     shutil.rmtree(folder, ignore_errors=True)
     zarr.create_array(folder, shape=(), dtype="int8", attributes=CRS(crs).to_cf() | {"spatial_ref": CRS(crs).to_wkt()})
     seal_array(folder)
@@ -82,6 +85,8 @@ def _is_whole(folder: Path, values: np.ndarray) -> bool:
     """Whether an axis exists, can be read and has these values."""
     if not array_metadata(folder):
         return False
+    import zarr
+
     try:
         return np.array_equal(np.asarray(zarr.open_array(folder, mode="r")[:]), values)
     except (ValueError, RuntimeError):  # of zarr's codecs, for a damaged chunk

@@ -7,18 +7,19 @@ Every chunk ends with a checksum, which is compared when it is read.
 
 import shutil
 import uuid
+import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 import numpy as np
-import zarr
-from zarr.codecs import BloscCodec, Crc32cCodec
 
-from orthomill.pipeline.storage.array_metadata import METADATA, array_metadata, ensure_groups, seal_array
+from orthomill.pipeline.storage.array_metadata import METADATA, StoredArray, array_metadata, ensure_groups, seal_array, stored_array
+from orthomill.pipeline.storage.chunk_codec import UnknownCodec
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
-from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.pipeline.storage.table_files import read_table, replacing, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Raster, Table
 from orthomill.schemas.raster import RasterSpec, Window
@@ -31,7 +32,9 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
-        self._arrays: dict[str, zarr.Array] = {}
+        self._arrays: dict[str, StoredArray] = {}
+        self.written: dict[Path, int] = {}
+        """CRC-32 of the files that were written here"""
 
     @property
     def rasters(self) -> Path:
@@ -73,6 +76,9 @@ class Store:
         return self.birth(spec.name)
 
     def _new_array(self, spec: RasterSpec) -> None:
+        import zarr
+        from zarr.codecs import BloscCodec, Crc32cCodec
+
         zarr.create_array(
             self.rasters,
             name=path_of(spec.name).as_posix(),
@@ -109,29 +115,34 @@ class Store:
 
     def is_sound(self, name: str) -> bool:
         """Whether a raster exists and its metadata are whole."""
-        return self.has(name) and (name in self._arrays or array_metadata(self.place(name)) is not None)
+        return stored_array(self.place(name)) is not None
 
     def holds(self, spec: RasterSpec) -> bool:
         """Whether a raster of this specification exists, with metadata that are whole."""
-        return self.is_sound(spec.name) and self.spec(spec.name).same(spec)
+        found = stored_array(self.place(spec.name))
+        return found is not None and found.spec.same(spec)
 
-    def _array(self, name: str) -> zarr.Array:
+    def _array(self, name: str) -> StoredArray:
         if name not in self._arrays:
-            if not self.has(name):
-                raise StoreError(f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first.")
-            if not self.is_sound(name):
-                if inside := [other for other in self.names() if other.startswith(f"{name}/")]:
-                    raise StoreError(f"{name} is no raster but holds several, such as {', '.join(inside[:3])}.")
-                raise StoreError(f"The metadata of the raster {name} are damaged; run again, and it is computed again.")
-            self._arrays[name] = zarr.open_array(self.rasters, path=path_of(name).as_posix(), mode="r+")
+            found = stored_array(self.place(name))
+            if found is None:
+                raise StoreError(self._why_not(name))
+            self._arrays[name] = found
         return self._arrays[name]
+
+    def _why_not(self, name: str) -> str:
+        if not self.has(name):
+            return f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first."
+        if inside := [other for other in self.names() if other.startswith(f"{name}/")]:
+            return f"{name} is no raster but holds several, such as {', '.join(inside[:3])}."
+        return f"The metadata of the raster {name} are damaged; run again, and it is computed again."
 
     def spec(self, name: str) -> RasterSpec:
         """The specification a raster was made from. Raises StoreError when there is none."""
-        return RasterSpec.model_validate(self._array(name).attrs["spec"])
+        return self._array(name).spec
 
     def birth(self, name: str) -> str:
-        return str(self._array(name).attrs["birth"])
+        return self._array(name).birth
 
     def read(self, name: str, window: Window) -> np.ndarray:
         """Pixels (height, width) or (height, width, bands) of a window that lies inside the raster. Raises StoreError."""
@@ -139,40 +150,58 @@ class Store:
         if window.clipped(array.shape) != window:
             raise StoreError(f"{window} extends beyond the raster {name} of shape {array.shape}; clip it first.")
         try:
-            return np.asarray(array[window.slices])
-        except (ValueError, RuntimeError) as error:  # zarr's word for a wrong checksum, and that of its decompressor
+            values = np.full(window.shape + array.shape[2:], array.codec.fill, array.codec.dtype)
+            for path, chunk in self._chunks(name, array, window):
+                with suppress(FileNotFoundError):  # nothing but its fill value
+                    both = window.overlap(chunk)
+                    values[both.within(window).slices] = array.codec.decode(path.read_bytes())[both.within(chunk).slices]
+        except UnknownCodec as error:
+            raise StoreError(f"The raster {name} cannot be read: {error}; remove it, and it is computed again.") from error
+        except (ValueError, RuntimeError) as error:  # a wrong checksum, and the word of the decompressor
             raise StoreError(f"The raster {name} is damaged in {window}; run again, and it is computed again.") from error
+        return values
 
     def write(self, name: str, window: Window, values: np.ndarray) -> None:
         """Write whole chunks. Raises StoreError for windows that cut a chunk and for values of another shape or kind."""
         array = self._array(name)
-        _check_aligned(name, window, array.shape, array.chunks)
+        _check_aligned(name, window, array.shape, array.codec.shape)
         expected = window.shape + array.shape[2:]
         if values.shape != expected:
             raise StoreError(f"{name} takes {expected} in {window}, but was given {values.shape}.")
         # float64 to float32 is intended; float to integer would truncate heights to metres without an error.
-        if not np.can_cast(values.dtype, array.dtype, casting="same_kind"):
-            raise StoreError(f"{name} holds {array.dtype}, but was given {values.dtype}.")
+        if not np.can_cast(values.dtype, array.codec.dtype, casting="same_kind"):
+            raise StoreError(f"{name} holds {array.codec.dtype}, but was given {values.dtype}.")
         try:
-            array[window.slices] = values
+            for path, chunk in self._chunks(name, array, window):
+                self._write_chunk(path, array.codec.encode(values[window.overlap(chunk).within(window).slices]))
         except OSError as error:
             raise StoreError(
                 f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again."
             ) from error
+
+    def _write_chunk(self, path: Path, content: bytes | None) -> None:
+        if content is None:
+            path.unlink(missing_ok=True)
+            return
+        with replacing(path) as stream:
+            stream.write(content)
+        self.written[path] = zlib.crc32(content)
+
+    def _chunks(self, name: str, array: StoredArray, window: Window) -> Iterator[tuple[Path, Window]]:
+        """The file and the window of every chunk that a window touches."""
+        high, wide = array.codec.shape[:2]
+        bands = "/0" * (len(array.shape) - 2)
+        place = self.place(name)
+        for row in range(window.row // high, -(-(window.row + window.height) // high)):
+            for col in range(window.col // wide, -(-(window.col + window.width) // wide)):
+                yield place / f"c/{row}/{col}{bands}", Window(row * high, col * wide, high, wide)
 
     def files(self, output: Raster | Table[Any]) -> Iterator[Path]:
         """The files that hold an output. A chunk that is nothing but its fill value has none."""
         if isinstance(output, Table):
             yield self.table_path(output)
             return
-        array, window = self._array(output.name), output.window
-        rows, cols = (
-            range(start // chunk, -(-(start + length) // chunk))
-            for start, length, chunk in zip((window.row, window.col), window.shape, array.chunks[:2], strict=True)
-        )
-        bands = (0,) * (array.ndim - 2)
-        chunks = (self.place(output.name) / array.metadata.encode_chunk_key((r, c, *bands)) for r in rows for c in cols)
-        yield from (path for path in chunks if path.exists())
+        yield from (path for path, _ in self._chunks(output.name, self._array(output.name), output.window) if path.exists())
 
     def has_table(self, table: Table[Any]) -> bool:
         return self.table_path(table).exists()

@@ -5,7 +5,7 @@ would store each byte as a 32-bit integer, which costs more to read than everyth
 """
 
 import os
-import tempfile
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -23,6 +23,7 @@ from orthomill.schemas.job import Columns, Table
 
 PIECE = 2**20
 """bytes of one binary value: to write a value takes eight times its size"""
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _PIECES = 16
 """binary values that are packed together"""
 
@@ -37,30 +38,31 @@ def write_whole(path: Path, data: bytes | pa.Buffer) -> None:
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """A file to be written that takes the place of `path` when it is complete. Raises StoreError."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                yield stream
-            # mkstemp grants access to the owner only, but results are shared like any other file.
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        with replacing(path) as stream:
+            yield stream
     except OSError as error:
         raise StoreError(
             f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again."
         ) from error
 
 
-def _umask() -> int:
-    """The permissions that this process withholds."""
-    # It can only be read by setting it. Workers have one thread, so that nothing is created in between.
-    mask = os.umask(0o022)
-    os.umask(mask)
-    return mask
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A file to be written that takes the place of `path` when it is complete. Raises OSError."""
+    # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
+    temporary = f"{path.parent}/.{secrets.token_hex(8)}.part"
+    try:
+        handle = os.open(temporary, _NEW, 0o666)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(temporary, _NEW, 0o666)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            yield stream
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
 
 
 def write_table(path: Path, value: Any) -> None:
