@@ -33,6 +33,14 @@ _ALL = (
         words="[RUN [STRIP STRIP]]: finished runs",
     ),
     Study(
+        "closed_wood",
+        "closed_wood",
+        "a closed wood of known crowns below a low flight: their height, outline and gaps",
+        "minutes",
+        EVERYTHING,
+        words="[RUN]: a finished run of it",
+    ),
+    Study(
         "time_by_stage",
         "time_by_stage",
         "where the processor time goes, stage by stage",

@@ -131,8 +131,9 @@ def exposure(flight: FlightSettings, number: int) -> FlightExposure:
     return FlightExposure(number, (red, green, blue), offset, vignetting)
 
 
-def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
-    """The scene under the flight: all ground above 0 m that any photograph can show, in multiples of ten metres.
+def scene_settings(flight: FlightSettings, buildings: int, wood: float = 0.0) -> SceneSettings:
+    """The scene under the flight: all ground above 0 m that any photograph can show, in multiples of ten metres. wood: radius of a
+    closed wood, m.
 
     Computed with a camera of fixed pixel count, so that the scene does not depend on the pixel size.
     """
@@ -148,6 +149,7 @@ def scene_settings(flight: FlightSettings, buildings: int) -> SceneSettings:
         north=float(north),
         flying_height=flight.height,
         buildings=buildings,
+        wood=wood,
     )
 
 

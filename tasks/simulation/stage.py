@@ -169,7 +169,7 @@ class SimulationStage(Stage):
         return SurveySettings(self.control, self.check, self.control_sigma, self.gnss_sigma, self.image_sigma)
 
     def _site(self) -> Site:
-        scene = scene_settings(self.flight, self.buildings)
+        scene = scene_settings(self.flight, self.buildings, self.scene.wood if self.scene.kind == "town" else 0.0)
         return Site(scene, self.flight, scene_grid(scene, self.scene_cell))
 
     def _plan_scene(self, site: Site, crs: str, tile: int) -> Iterator[RasterSpec | Job]:

@@ -27,7 +27,7 @@ from orthomill.tasks.simulation.scene.layout import (
     terrain_factors,
 )
 from orthomill.tasks.simulation.scene.scene import PARCEL, SurfaceWindow, parcel_at, surface_window
-from orthomill.tasks.simulation.scene.settlement import TREE_TOP, scene_of
+from orthomill.tasks.simulation.scene.settlement import TREE_TOP, scene_of, wood_centre
 from orthomill.tasks.simulation.scene.sunlight import limited_slope
 from orthomill.tasks.simulation.scene.vehicles import FIRST_NUMBER, vehicles_of, with_vehicles
 
@@ -143,6 +143,18 @@ def test_any_seed_makes_a_scene_that_keeps_its_rules(seed):
     assert (road_clearance(made, houses.x, houses.y) > houses.half_width).all()
     assert np.allclose(houses.cos**2 + houses.sin**2, 1.0)
     assert (houses.half_length >= 7.0).all() and (houses.rise >= 0.0).all()
+
+
+def test_in_a_closed_wood_crowns_touch_and_nothing_else_changes():
+    bare, settings_of = scene(), replace(site().scene, wood=24.0)
+    made, (x, y) = scene_of(settings_of), wood_centre(settings_of)
+    away = np.hypot(made.trees[:, 0] - x, made.trees[:, 1] - y)
+    assert np.array_equal(made.buildings.table, bare.buildings.table)
+    beside = away > 24.0 + 5.0
+    assert {tuple(tree) for tree in made.trees[beside]} <= {tuple(tree) for tree in bare.trees}
+    wood, feet = made.trees[away <= 24.0], made.tree_feet[away <= 24.0]
+    apart = np.hypot(*(wood[:, None, :2] - wood[None, :, :2]).transpose(2, 0, 1)) + 1e9 * np.eye(len(wood))
+    assert len(wood) > 20 and np.median(apart.min(axis=0)) < wood[:, 2].min() * 2 and (wood[:, 3] - feet).max() <= TREE_TOP
 
 
 def test_bounds_of_a_part_hold_what_is_in_it():

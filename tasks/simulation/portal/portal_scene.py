@@ -11,6 +11,7 @@ class TownScene(Settings):
     """A town near Volos, photographed from the air."""
 
     kind: Literal["town"] = "town"
+    wood: float = setting(0.0, "Radius of a closed wood of trees up to 12.5 m high; 0: none.", "m", ge=0, le=500)
 
 
 class PortalScene(Settings):

@@ -30,6 +30,8 @@ class SceneSettings:
     north: float
     flying_height: float
     buildings: int
+    wood: float = 0.0
+    """radius of a closed wood, m; 0: none"""
 
     @property
     def scale(self) -> float:

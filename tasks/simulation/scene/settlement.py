@@ -34,6 +34,9 @@ _IN_TOWN = 0.75  # share of the buildings; the rest gives occlusions outside the
 _LOT_AREA = 1750.0  # m^2 of the town per building, streets and empty lots included
 _LEVEL = 2.4  # m: ground under a floor plan that varies by more would put its lower side on a wall of its own
 _OFF_SHORE = 6.0  # m between a building and the shore
+_WOOD_DRAWS = 6  # a stream of random numbers of its own
+_WOOD_PLACE = 0.48, 0.54  # of a closed wood, as a share of the scene
+_WOOD_SPREAD, _TRIED = 3.6, 25  # m between its trees, and places tried for each
 
 
 @lru_cache(maxsize=4)
@@ -44,6 +47,8 @@ def scene_of(settings: SceneSettings) -> Scene:
     scene = _bare(settings, generator)
     scene = replace(scene, buildings=_houses(scene, generator))
     trees, feet = _grow_trees(scene, generator)
+    if settings.wood:
+        trees, feet = _with_wood(scene, trees, feet)
     return replace(scene, trees=trees, tree_feet=feet)
 
 
@@ -202,15 +207,43 @@ def _corner_ground(scene: Scene, plan: tuple[np.ndarray, ...]) -> np.ndarray:
 
 
 def _grow_trees(scene: Scene, generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Trees that touch neither wall nor water nor extend far over a road: (T, 4) and the ground under them (T,)."""
+    """Groves, avenues and single trees: (T, 4) and the ground under them (T,)."""
     x, y = np.concatenate([_woods(scene, generator), _avenues(scene, generator), _singles(scene, generator)], axis=1)
     height = generator.uniform(4.0, TREE_TOP - 0.8, len(x))
     radius = height * generator.uniform(0.28, 0.42, len(x)) + 0.3
+    return _free_trees(scene, x, y, height, radius)
+
+
+def _free_trees(
+    scene: Scene, x: np.ndarray, y: np.ndarray, height: np.ndarray, radius: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the trees that touch neither wall nor water nor extend far over a road: (T, 4) and the ground under them (T,)."""
     free = (road_clearance(scene, x, y) > 0.6 * radius) & (building_clearance(scene.buildings, x, y) > radius + 0.7)
     free &= (pond_distance(scene.pond, x, y) - 1.0) * min(scene.pond.a, scene.pond.b) > radius + 1.0
     x, y, height, radius = x[free], y[free], height[free], radius[free]
     feet = ground_at(scene, x, y)
     return np.column_stack([x, y, radius, feet + height]), feet
+
+
+def wood_centre(settings: SceneSettings) -> tuple[float, float]:
+    """The middle of the closed wood, m."""
+    return settings.place(*_WOOD_PLACE)
+
+
+def _with_wood(scene: Scene, trees: np.ndarray, feet: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The trees with a closed wood, in which crowns touch: those that stood there before are gone."""
+    # A generator of its own: a wood changes nothing of what else is in the scene.
+    generator = np.random.default_rng([scene.settings.seed, _WOOD_DRAWS])
+    centre, size = np.array(wood_centre(scene.settings)), scene.settings.wood
+    away = size * np.sqrt(generator.uniform(size=int(_TRIED * (size / _WOOD_SPREAD) ** 2)))
+    turned = generator.uniform(0.0, 2.0 * np.pi, len(away))
+    points = centre + np.column_stack([away * np.cos(turned), away * np.sin(turned)])
+    x, y = points[_apart(points, np.arange(len(points)), _WOOD_SPREAD, len(points))].T
+    height = generator.uniform(0.62, 1.0, len(x)) * (TREE_TOP - 0.8)
+    radius = _WOOD_SPREAD * generator.uniform(0.9, 1.15, len(x))
+    wood, ground = _free_trees(scene, x, y, height, radius)
+    kept = np.hypot(*(trees[:, :2] - centre).T) > size + _WOOD_SPREAD
+    return np.concatenate([trees[kept], wood]), np.concatenate([feet[kept], ground])
 
 
 def _woods(scene: Scene, generator: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,191 @@
+"""A closed wood of known crowns below a low flight: their height and outline, the ground in gaps, and what codes say.
+
+`python -m benchmarks closed_wood` simulates and measures the flight in a folder of its own; `python -m benchmarks closed_wood RUN`
+tells of a finished run of it. The wood lies in the middle of the block, so that several photographs see every crown; crowns sway in
+the wind from photograph to photograph, have gaps, and leaves at many depths, as the trees of every simulated scene.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+import orthomill as library
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders, run_project
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
+from orthomill.schemas.truth import TRUTH_GRID, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.tasks.simulation.flight import scene_settings
+from orthomill.tasks.simulation.scene.crowns import stamp_crowns, stand_at_rest
+from orthomill.tasks.simulation.scene.layout import Scene
+from orthomill.tasks.simulation.scene.scene import bare_ground
+from orthomill.tasks.simulation.scene.settlement import scene_of, wood_centre
+from orthomill.tasks.simulation.stage import SimulationStage
+
+PROJECT = "closed_wood"
+FLIGHT: dict[str, Any] = {
+    "kind": "simulation",
+    "scene": {"kind": "town", "wood": 24.0},
+    "frame_mm": 60.0,
+    "c_mm": 45.0,
+    "pixel_um": 75.0,
+    "scale": 1000.0,
+    "base_m": 9.0,
+    "side_overlap": 0.7,
+    "strips": 3,
+    "photos_per_strip": 5,
+    "scene_cell": 0.1,
+    "buildings": 1,
+    "board_photos": 0,
+    "gnss_sigma": 0.02,
+    "control": 6,
+    "check": 0,
+}
+"""45 m above the plain, trees up to 12 m: pixels of 0.075 m on the ground, overlaps of 85 and 70 %"""
+WORKFLOW = {
+    "project": PROJECT,
+    "crs": "EPSG:2100",
+    "photographs": {"kind": "simulated"},
+    "cameras": {
+        "kind": "given",
+        "c": 600.0,
+        "x0": 1.46,
+        "y0": -1.08,
+        "k1": -0.0155,
+        "k2": 0.0042,
+        "p1": 0.00018,
+        "p2": -0.00013,
+        "pixel_um": 75.0,
+    },
+    "positions": {"kind": "simulated"},
+    "control": {"kind": "simulated"},
+    "tile": 512,
+    "stages": [
+        FLIGHT,
+        *({"kind": kind} for kind in ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification")),
+    ],
+}
+CANOPY = 2.0
+"""m above the ground from which on a cell is canopy"""
+NEAR = 0.5
+"""m: a height this near to the truth is right"""
+FEWEST = 50
+"""cells of a crown, and of a code, below which neither is judged"""
+
+
+@dataclass(frozen=True, eq=False)
+class WoodCells:
+    """The cells around the wood, each (rows, cols): heights, their standard errors and codes; the true envelope of the crowns and
+    the ground below, m; number of the tree, 0 beside crowns; whether two photographs truly see the surface."""
+
+    height: np.ndarray
+    sigma: np.ndarray
+    code: np.ndarray
+    envelope: np.ndarray
+    ground: np.ndarray
+    tree: np.ndarray
+    seen: np.ndarray
+
+
+def wood_cells(run: Path) -> WoodCells:
+    """Of a finished run, without the mean error of its datum: the median difference of agreed open ground."""
+    project = library.open(run)
+    grid, truth = project.table(SURFACE).grid, project.table(TRUTH_GRID)
+    scene = _scene()
+    window = _around(scene, grid)
+    x, y = grid.centres(window)
+    height, sigma, code = (project.raster(name).values[window.slices] for name in (HEIGHT, RELATIVE_PRECISION, PROVENANCE))
+    col, row = truth.pixel(*np.meshgrid(x, y))
+    at = np.rint(row).astype(int), np.rint(col).astype(int)
+    envelope, visible = (project.raster(name).values[at] for name in (TRUTH_SURFACE, TRUTH_VISIBILITY))
+    tree = np.zeros(window.shape, np.int32)
+    ground = bare_ground(scene, x, y)
+    stamp_crowns(ground.copy(), np.zeros(window.shape, np.uint16), tree, (x, y), stand_at_rest(scene), scene.settings.seed)
+    open_ground = (tree == 0) & (code == Provenance.AGREED)
+    height = height - np.median((height - envelope)[open_ground])
+    return WoodCells(height, sigma, code, envelope, ground, tree, np.bitwise_count(visible.astype(np.uint32)) >= 2)
+
+
+def _scene() -> Scene:
+    stage = SimulationStage.model_validate(FLIGHT)
+    return scene_of(scene_settings(stage.flight, stage.buildings, FLIGHT["scene"]["wood"]))
+
+
+def _around(scene: Scene, grid: MapGrid) -> Window:
+    """The square around the wood, a few metres larger."""
+    x, y = wood_centre(scene.settings)
+    half = scene.settings.wood + 4.0
+    col, row = grid.pixel(np.array(x - half), np.array(y + half))
+    side = round(2 * half / grid.cell)
+    return Window(int(row), int(col), side, side).clipped(grid.shape)
+
+
+def crown_rows(cells: WoodCells) -> Iterator[str]:
+    """Crowns by their 95th percentile, the canopy by its outline, and the ground between crowns."""
+    tops = []
+    for number in np.unique(cells.tree[cells.tree > 0]):
+        crown = (cells.tree == number) & np.isfinite(cells.height)
+        if crown.sum() >= FEWEST:
+            tops.append(np.percentile(cells.height[crown], 95) - np.percentile(cells.envelope[crown], 95))
+    top = np.array(tops)
+    known = np.isfinite(cells.height)
+    canopy, found = cells.tree > 0, cells.height > cells.ground + CANOPY
+    gap = known & cells.seen & (cells.tree == 0)
+    away = (cells.height - cells.envelope)[canopy & known]
+    yield "| what | to reach | measured |"
+    yield "| --- | --- | --- |"
+    yield f"| crowns judged | - | {len(top)} |"
+    yield f"| 95th percentile within {NEAR} m of the true one | 90 % | {100 * (np.abs(top) < NEAR).mean():.0f} % |"
+    yield f"| the same, median | - | {np.median(top):+.2f} m |"
+    overlap = (canopy & found & known).sum() / ((canopy | found) & known).sum()
+    yield f"| outline of the canopy, intersection over union | 0.8 | {overlap:.2f} |"
+    between = _share(np.abs(cells.height - cells.ground)[gap])
+    yield f"| ground between crowns that two photographs see, within {NEAR} m | - | {between} |"
+    yield f"| heights in crowns, median below the envelope | - | {-np.median(away):.2f} m |"
+    yield f"| the same, NMAD | - | {1.4826 * np.median(np.abs(away - np.median(away))):.2f} m |"
+
+
+def _share(away: np.ndarray) -> str:
+    return f"{100 * (away < NEAR).mean():.0f} %" if away.size else "-"
+
+
+def code_rows(cells: WoodCells) -> Iterator[str]:
+    """In crowns, by code: share, errors from the nearer one of envelope and ground, and what is stated."""
+    yield "| code, in crowns | share | median error | stated | within 1 / within 2 / beyond 4 of it |"
+    yield "| --- | --- | --- | --- | --- |"
+    crowns = (cells.tree > 0) & np.isfinite(cells.height)
+    away = np.fmin(np.abs(cells.height - cells.envelope), np.abs(cells.height - cells.ground))
+    for code in Provenance:
+        here = crowns & (cells.code == code)
+        if here.sum() < FEWEST:
+            continue
+        ratio = away[here] / cells.sigma[here]
+        shares = " / ".join(f"{100 * share:.1f}" for share in ((ratio < 1).mean(), (ratio < 2).mean(), (ratio > 4).mean()))
+        words = code.name.lower().replace("_", " ")
+        share = f"{100 * here.sum() / crowns.sum():.1f} %"
+        yield f"| {words} | {share} | {np.median(away[here]):.2f} m | {np.median(cells.sigma[here]):.2f} m | {shares} % |"
+
+
+def page(run: Path) -> str:
+    """The page of results."""
+    cells = wood_cells(run)
+    lines = ["# A closed wood", "", (__doc__ or "").split("\n\n")[1].replace("\n", " ").strip(), ""]
+    return "\n".join([*lines, *crown_rows(cells), "", *code_rows(cells), ""])
+
+
+def main(words: list[str]) -> None:
+    """Write the page: of the finished run that is named, or of a new one."""
+    if words:
+        write_page(PROJECT, words, page(run_folders(words)[0]))
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        root = Path(scratch)
+        (root / "workflows").mkdir()
+        (root / "workflows" / f"{PROJECT}.yaml").write_text(yaml.safe_dump(WORKFLOW, sort_keys=False))
+        run_project(root, PROJECT)
+        write_page(PROJECT, words, page(root / "runs" / PROJECT))
