@@ -1,6 +1,8 @@
 """The explicit list of stages, in the order in which they stand in a workflow; and what can be done with one photograph or two."""
 
 from orthomill.schemas.stage_contract import Stage
+from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovariance
+from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.stage import AccuracyStage
 from orthomill.tasks.calibration.stage import CalibrationStage
 from orthomill.tasks.densification.stage import DensificationStage
@@ -24,11 +26,13 @@ from orthomill.tasks.tie_points.stage import TiePointsStage
 
 __all__ = [
     "STAGES",
+    "StoredCovariance",
     "classical_forms",
     "given_points",
     "look_ahead",
     "marker_of",
     "marks_of",
+    "measure",
     "points_on_surface",
     "share_of",
     "sizing_of",

@@ -1,0 +1,156 @@
+"""Covariances between any two points of the ground and any two photographs, from what the adjustment stored.
+
+A point is the intersection of the rays of the photographs that show it, so that X = N^-1 sum B'(image - f(orientations)): its error
+follows the image measurements and, by G = -N^-1 B' A, the orientations and cameras, whose covariances are stored for photographs
+that share tie points. Where a pair is not stored the covariance is not known, and no number is made up.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from orthomill.schemas.camera import INTERIOR
+from orthomill.schemas.orientation import Block
+from orthomill.tasks.geometry.rotation import rotation_matrix
+from orthomill.tasks.geometry.view import View, block_view
+
+MOST = 8
+"""photographs of which a point is intersected: those that show it nearest to their middle"""
+_MOVE, _TURN, _CONSTANT, _LENS = 1e-3, 1e-6, 1e-2, 1e-6
+"""steps of central differences: m, radians, px, coefficients"""
+
+
+@dataclass(frozen=True)
+class _Rays:
+    """A point as its photographs determine it: their names, G (3, 6) for each, G (3, 17) by camera, N^-1 (3, 3) m2."""
+
+    by_photo: dict[str, np.ndarray]
+    by_camera: dict[str, np.ndarray]
+    measured: np.ndarray
+
+
+@dataclass(frozen=True)
+class StoredCovariance:
+    """The covariances of a block; `pixel`: standard error of an image coordinate, px."""
+
+    block: Block
+    pixel: float
+
+    def of_photos(self, first: str, second: str) -> np.ndarray | None:
+        """Covariance (6, 6) of two photographs, m and radians; None where it is not stored."""
+        if first == second:
+            own = self.block.of(first).covariance
+            return None if own is None else np.array(own)
+        return self._joint.get((first, second))
+
+    def rays(self, point: np.ndarray) -> _Rays | None:
+        """What determines a point (3,); None where fewer than two photographs with a covariance show it."""
+        seen = [view for name in self.block.names if (view := self._shows(name, point)) is not None]
+        seen = sorted(seen, key=lambda view: -float(view.within(view.project(point[None]))[0]))[:MOST]
+        if len(seen) < 2:
+            return None
+        moves = {view.name: _by_point(view, point) for view in seen}
+        normal = np.linalg.inv(sum((b.T @ b for b in moves.values()), np.zeros((3, 3))))
+        by_photo: dict[str, np.ndarray] = {}
+        by_camera: dict[str, np.ndarray] = {}
+        for view in seen:
+            back = -normal @ moves[view.name].T
+            by_photo[view.name] = back @ self._by_orientation(view, point)
+            camera = self.block.of_photo[view.name]
+            by_camera[camera] = by_camera.get(camera, np.zeros((3, len(INTERIOR)))) + back @ _by_interior(view, point)
+        return _Rays(by_photo, by_camera, self.pixel**2 * normal)
+
+    def of_points(self, first: _Rays, second: _Rays) -> np.ndarray | None:
+        """Covariance (3, 3) m2 of two points; that of a point with itself for the same rays; None where it is not stored."""
+        total = first.measured.copy() if first is second else np.zeros((3, 3))
+        for a, own in first.by_photo.items():
+            for b, other in second.by_photo.items():
+                joint = self.of_photos(a, b)
+                if joint is None:
+                    return None
+                total += own @ joint @ other.T
+        for here, there, turned in ((first, second, False), (second, first, True)):
+            cross = self._with_cameras(here, there)
+            total += cross.T if turned else cross
+        return total + self._of_cameras(first, second)
+
+    def _with_cameras(self, photos: _Rays, cameras: _Rays) -> np.ndarray:
+        total = np.zeros((3, 3))
+        for name, own in photos.by_photo.items():
+            stored = self.block.of(name).with_interior
+            for camera, other in cameras.by_camera.items():
+                if camera in stored:
+                    total += own @ np.array(stored[camera]) @ other.T
+        return total
+
+    def _of_cameras(self, first: _Rays, second: _Rays) -> np.ndarray:
+        total = np.zeros((3, 3))
+        for a, own in first.by_camera.items():
+            for b, other in second.by_camera.items():
+                joint = self._camera(a, b)
+                if joint is not None:
+                    total += own @ joint @ other.T
+        return total
+
+    def _camera(self, first: str, second: str) -> np.ndarray | None:
+        camera = self.block.cameras[first]
+        if first == second:
+            # A camera from elsewhere that the block kept as it was is not among its unknowns.
+            return np.array(camera.covariance) if camera.source == "block" and camera.covariance is not None else None
+        return self._joint_cameras.get((first, second))
+
+    @cached_property
+    def _joint(self) -> dict[tuple[str, str], np.ndarray]:
+        return _both_ways((entry.first, entry.second, np.array(entry.covariance)) for entry in self.block.joint)
+
+    @cached_property
+    def _joint_cameras(self) -> dict[tuple[str, str], np.ndarray]:
+        return _both_ways((entry.first, entry.second, np.array(entry.covariance)) for entry in self.block.joint_cameras)
+
+    def _shows(self, name: str, point: np.ndarray) -> View | None:
+        if self.block.of(name).covariance is None:
+            return None
+        view = block_view(self.block, name)
+        return view if view.contains(view.project(point[None]))[0] else None
+
+    def _by_orientation(self, view: View, point: np.ndarray) -> np.ndarray:
+        """(2, 6): change of the pixel by X, Y, Z, omega, phi, kappa."""
+        angles = np.radians(self.block.of(view.name).omega_phi_kappa)
+
+        def pixel(moved: np.ndarray) -> np.ndarray:
+            turned = View(view.name, view.camera, rotation_matrix(*(angles + moved[3:])), view.centre + moved[:3])
+            return turned.project(point[None])[0]
+
+        return _change(pixel, np.zeros(6), np.array([_MOVE] * 3 + [_TURN] * 3))
+
+
+def _both_ways(entries: Iterable[tuple[str, str, np.ndarray]]) -> dict[tuple[str, str], np.ndarray]:
+    out: dict[tuple[str, str], np.ndarray] = {}
+    for first, second, covariance in entries:
+        out[first, second], out[second, first] = covariance, covariance.T
+    return out
+
+
+def _by_point(view: View, point: np.ndarray) -> np.ndarray:
+    """(2, 3): change of the pixel by X, Y, Z of the point."""
+    return _change(lambda moved: view.project((point + moved)[None])[0], np.zeros(3), np.full(3, _MOVE))
+
+
+def _by_interior(view: View, point: np.ndarray) -> np.ndarray:
+    """(2, 17): change of the pixel by the interior parameters, 0 for those that the lens lacks."""
+    out = np.zeros((2, len(INTERIOR)))
+    for k, name in enumerate(INTERIOR):
+        if name in view.camera.parameters:
+            step, value = (_CONSTANT if k < 3 else _LENS), view.camera.value(name)
+            changed = (replace(view, camera=view.camera.changed(**{name: value + move})) for move in (step, -step))
+            more, less = (other.project(point[None])[0] for other in changed)
+            out[:, k] = (more - less) / (2 * step)
+    return out
+
+
+def _change(measured: Callable[[np.ndarray], np.ndarray], at: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Central differences (m, n) of `measured` (m,) by its n arguments."""
+    rows = [(measured(at + step) - measured(at - step)) / (2 * step.max()) for step in np.diag(steps)]
+    return np.column_stack(rows)

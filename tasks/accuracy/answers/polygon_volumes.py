@@ -1,0 +1,117 @@
+"""Volume and area of a polygon on a surface: above a level, above the plane through its border, or against another surface.
+
+A cell counts by the part of it that lies inside. Cut is what lies above the base, fill what lies below. Noise alone makes some of
+both out of nothing: that part is told beside them, not subtracted.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation
+from orthomill.tasks.accuracy.answers.linear_answer import ErrorShares, SurfacePart, error_of
+
+_FINE = 4
+"""subdivisions of a cell along a side, by which its part inside a polygon is counted"""
+BORDER = 3.0
+"""cells from the border within which the plane through it is fitted"""
+
+
+@dataclass(frozen=True)
+class VolumeAnswer:
+    """A volume in m3 with the parts of its standard error; cut and fill with theirs."""
+
+    volume: float
+    error: ErrorShares
+    cut: float
+    cut_sigma: float
+    fill: float
+    fill_sigma: float
+    noise: float
+    """m3 of cut and of fill each that noise alone would make of ground that lies on the base"""
+    area: float
+    """m2 with heights"""
+    missing: float
+    """m2 of the polygon without heights: in no figure"""
+    estimated: float
+    """share of the area whose heights are estimated"""
+
+
+def inside_share(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Which part of each cell (rows, cols) lies in a polygon; ring (N, 2) (col, row), cell centres at whole numbers."""
+    rows, cols = shape
+    y = (np.arange(rows * _FINE) + 0.5) / _FINE - 0.5
+    x = (np.arange(cols * _FINE) + 0.5) / _FINE - 0.5
+    filled = np.zeros((rows * _FINE, cols * _FINE), bool)
+    a, b = ring, np.roll(ring, -1, axis=0)
+    for i, at in enumerate(y):
+        crosses = (a[:, 1] <= at) != (b[:, 1] <= at)
+        if crosses.any():
+            p, q = a[crosses], b[crosses]
+            where = np.sort(p[:, 0] + (at - p[:, 1]) / (q[:, 1] - p[:, 1]) * (q[:, 0] - p[:, 0]))
+            filled[i] = np.searchsorted(where, x) % 2 == 1
+    return filled.reshape(rows, _FINE, cols, _FINE).mean(axis=(1, 3))
+
+
+def volume_of(
+    part: SurfacePart, share: np.ndarray, cell: float, base: np.ndarray | float | None, correlation: ErrorCorrelation
+) -> VolumeAnswer:
+    """The volume of a polygon.
+
+    share (rows, cols) of each cell inside; base: a level m, heights (rows, cols) m without errors of their own, or None for the
+    plane through the border of the polygon.
+    """
+    known = np.isfinite(part.height) & (share > 0)
+    if isinstance(base, np.ndarray):
+        known &= np.isfinite(base)
+    area = np.where(known, share, 0.0) * cell**2
+    heights = np.where(known, part.height, 0.0).astype(np.float64)
+    level, back = _border_plane(heights, known, area) if base is None else (np.broadcast_to(np.asarray(base), known.shape), 0.0)
+    above = np.where(known, heights - level, 0.0)
+    weights, total = area - back, float(area.sum())
+    spread = np.where(known, np.hypot(np.nan_to_num(part.relative), np.nan_to_num(part.datum)), 0.0)
+    cut, fill = (float((area * np.maximum(side * above, 0.0)).sum()) for side in (1.0, -1.0))
+    signs = [np.where(known & (side * above > 0), side * area, 0.0) for side in (1.0, -1.0)]
+    return VolumeAnswer(
+        volume=float((area * above).sum()),
+        error=error_of(weights, part, correlation),
+        cut=cut,
+        cut_sigma=error_of(signs[0], part, correlation).sigma,
+        fill=fill,
+        fill_sigma=error_of(signs[1], part, correlation).sigma,
+        noise=_of_noise(area, above, spread),
+        area=total,
+        missing=float((share * cell**2).sum()) - total,
+        estimated=float(area[known & ~part.measured].sum() / total) if total else 0.0,
+    )
+
+
+def _border_plane(heights: np.ndarray, known: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The plane (rows, cols) through the cells near the border, and what the volume under it takes back from each cell's weight."""
+    from scipy.ndimage import distance_transform_edt
+
+    deep = distance_transform_edt(np.pad(area > 0, 1))[1:-1, 1:-1]
+    border = known & (deep <= BORDER)
+    rows, cols = np.indices(heights.shape, dtype=np.float64)
+    design = np.stack([np.ones_like(rows), rows - rows.mean(), cols - cols.mean()], axis=-1)
+    inverse = np.linalg.pinv(design[border].T @ design[border])
+    plane = design @ (inverse @ (design[border].T @ heights[border]))
+    back = np.zeros_like(heights)
+    back[border] = design[border] @ (inverse @ np.einsum("ij,ijk->k", area, design))
+    return plane, back
+
+
+def _of_noise(area: np.ndarray, above: np.ndarray, spread: np.ndarray) -> float:
+    """Expected max(d, 0) of normal errors beyond that of the heights themselves: cells near the base count for both sides."""
+    used = (area > 0) & (spread > 0)
+    z = np.abs(above[used]) / spread[used]
+    return float((area[used] * spread[used] * (np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi) - z * ndtr(-z))).sum())
+
+
+def area_of(ring: np.ndarray, sigma: float) -> tuple[float, float]:
+    """Area (m2) of a polygon in plan and its standard error; ring (N, 2) m, sigma: that of a coordinate of a corner, m."""
+    after, before = np.roll(ring, -1, axis=0), np.roll(ring, 1, axis=0)
+    area = 0.5 * abs(float((ring[:, 0] * after[:, 1] - after[:, 0] * ring[:, 1]).sum()))
+    return area, 0.5 * sigma * float(np.sqrt(((after - before) ** 2).sum()))
