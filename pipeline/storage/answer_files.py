@@ -18,7 +18,7 @@ from typing import Any
 from pyproj import CRS
 
 from orthomill.pipeline.storage.table_files import write_whole
-from orthomill.schemas.accuracy.measurements import Feature, Measured, MeasuredAnswers, ProfilePoint
+from orthomill.schemas.accuracy.surface_answers import Feature, Measured, MeasuredAnswers, ProfilePoint
 from orthomill.schemas.errors import StoreError
 
 _TABLES = """

@@ -18,7 +18,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from orthomill.schemas.accuracy.measurements import Feature, FeatureKind
+from orthomill.schemas.accuracy.surface_answers import Feature, FeatureKind
 from orthomill.schemas.errors import WorkflowError
 
 _ENVELOPES = (0, 32, 48, 48, 64)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from orthomill.schemas.accuracy.measurements import Feature, MeasureRules, SurfaceCut
+from orthomill.schemas.accuracy.surface_answers import Feature, MeasureRules, SurfaceCut
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation, correlation_from, window_products

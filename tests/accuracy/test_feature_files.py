@@ -8,7 +8,7 @@ import pytest
 
 from orthomill.pipeline.storage.answer_files import answers_csv, write_answers
 from orthomill.pipeline.storage.feature_files import read_features
-from orthomill.schemas.accuracy.measurements import Feature, Measured, MeasuredAnswers, ProfilePoint
+from orthomill.schemas.accuracy.surface_answers import Feature, Measured, MeasuredAnswers, ProfilePoint
 from orthomill.schemas.errors import StoreError, WorkflowError
 
 FEATURES = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from orthomill.pipeline.storage.height_files import read_heights
 from orthomill.pipeline.storage.store import Store
-from orthomill.schemas.accuracy.measurements import SurfaceCut
+from orthomill.schemas.accuracy.surface_answers import SurfaceCut
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import HeightFile
 from orthomill.schemas.raster import MapGrid, Window

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.schemas.accuracy.measurements import (
+from orthomill.schemas.accuracy.surface_answers import (
     Feature,
     Measured,
     MeasuredAnswers,
