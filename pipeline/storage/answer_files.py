@@ -18,7 +18,7 @@ from typing import Any
 from pyproj import CRS
 
 from orthomill.pipeline.storage.table_files import write_whole
-from orthomill.schemas.accuracy.surface_answers import Feature, Measured, MeasuredAnswers, ProfilePoint
+from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasuredAnswers, ProfilePoint, SurfaceAnswer
 from orthomill.schemas.errors import StoreError
 
 _TABLES = """
@@ -39,7 +39,7 @@ INSERT INTO gpkg_spatial_ref_sys VALUES ('undefined cartesian', -1, 'NONE', -1, 
 """
 
 
-def write_answers(path: Path, answers: MeasuredAnswers, features: Sequence[Feature], crs: str) -> None:
+def write_answers(path: Path, answers: MeasuredAnswers, features: Sequence[DrawnFeature], crs: str) -> None:
     """Write the answers, as the end of the name says. Raises StoreError for another end."""
     suffix = path.suffix.lower()
     if suffix == ".csv":
@@ -56,13 +56,13 @@ def write_answers(path: Path, answers: MeasuredAnswers, features: Sequence[Featu
 def answers_csv(answers: MeasuredAnswers) -> str:
     """The answers as a table; profiles are in JSON and GeoPackage only."""
     out = io.StringIO()
-    writer = csv.DictWriter(out, [field.name for field in fields(Measured)], lineterminator="\n")
+    writer = csv.DictWriter(out, [field.name for field in fields(SurfaceAnswer)], lineterminator="\n")
     writer.writeheader()
     writer.writerows(_rows(answers.answers))
     return out.getvalue()
 
 
-def _rows(items: Sequence[Measured | ProfilePoint]) -> list[dict[str, Any]]:
+def _rows(items: Sequence[SurfaceAnswer | ProfilePoint]) -> list[dict[str, Any]]:
     """As plain values; what is not known is empty, for JSON has no NaN."""
     return [{key: None if _is_nan(value) else value for key, value in asdict(item).items()} for item in items]
 
@@ -71,7 +71,7 @@ def _is_nan(value: object) -> bool:
     return isinstance(value, float) and math.isnan(value)
 
 
-def _write_geopackage(path: Path, answers: MeasuredAnswers, features: Sequence[Feature], crs: str) -> None:
+def _write_geopackage(path: Path, answers: MeasuredAnswers, features: Sequence[DrawnFeature], crs: str) -> None:
     path.unlink(missing_ok=True)
     try:
         with closing(sqlite3.connect(path)) as database:
@@ -127,7 +127,7 @@ def _layer(database: sqlite3.Connection, name: str, rows: list[tuple[bytes, dict
     database.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', 'GEOMETRY', ?, 0, 0)", (name, system))
 
 
-def _blob(feature: Feature, system: int) -> bytes:
+def _blob(feature: DrawnFeature, system: int) -> bytes:
     """A feature as a geometry BLOB without envelope."""
     places = feature.places.tolist()
     if feature.kind == "point":

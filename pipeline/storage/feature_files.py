@@ -18,7 +18,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
-from orthomill.schemas.accuracy.surface_answers import Feature, FeatureKind
+from orthomill.schemas.accuracy.surface_answers import DrawnFeature, FeatureKind
 from orthomill.schemas.errors import WorkflowError
 
 _ENVELOPES = (0, 32, 48, 48, 64)
@@ -27,7 +27,7 @@ _NAMES = ("name", "label", "id", "fid")
 _KINDS: dict[str, FeatureKind] = {"Point": "point", "LineString": "line", "Polygon": "polygon"}
 
 
-def read_features(path: Path, crs: str) -> tuple[Feature, ...]:
+def read_features(path: Path, crs: str) -> tuple[DrawnFeature, ...]:
     """All features of a file in the plan system `crs`. Raises WorkflowError for what cannot be read or holds none."""
     readers = {".gpkg": _of_geopackage, ".geojson": _of_geojson, ".json": _of_geojson, ".csv": _of_csv, ".txt": _of_csv}
     reader = readers.get(path.suffix.lower())
@@ -49,24 +49,24 @@ def read_features(path: Path, crs: str) -> tuple[Feature, ...]:
     return found
 
 
-def _moved(feature: Feature, system: str | None, crs: str) -> Feature:
+def _moved(feature: DrawnFeature, system: str | None, crs: str) -> DrawnFeature:
     """The feature in another system."""
     own, target = CRS.from_user_input(system or crs), CRS.from_user_input(crs)
     if system is None or own == target:
         return feature
     plan = target.sub_crs_list[0] if target.is_compound else target
     x, y = Transformer.from_crs(own, plan, always_xy=True).transform(feature.places[:, 0], feature.places[:, 1])
-    return Feature(feature.name, feature.kind, np.column_stack([x, y]))
+    return DrawnFeature(feature.name, feature.kind, np.column_stack([x, y]))
 
 
-def _feature(name: str, kind: FeatureKind, places: Any) -> Feature:
+def _feature(name: str, kind: FeatureKind, places: Any) -> DrawnFeature:
     found = np.array(places, np.float64).reshape(-1, np.shape(places)[-1])[:, :2]
     if kind == "polygon" and len(found) > 1 and np.array_equal(found[0], found[-1]):
         found = found[:-1]
-    return Feature(name, kind, found)
+    return DrawnFeature(name, kind, found)
 
 
-def _of_csv(path: Path) -> Iterator[tuple[Feature, str | None]]:
+def _of_csv(path: Path) -> Iterator[tuple[DrawnFeature, str | None]]:
     for number, row in enumerate(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()), 1):
         cells = [cell.strip() for cell in row]
         if not any(cells) or cells[0].startswith("#") or (number == 1 and not _is_number(cells[-1])):
@@ -84,7 +84,7 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def _of_geojson(path: Path) -> Iterator[tuple[Feature, str | None]]:
+def _of_geojson(path: Path) -> Iterator[tuple[DrawnFeature, str | None]]:
     whole = json.loads(path.read_text(encoding="utf-8-sig"))
     named = ((whole.get("crs") or {}).get("properties") or {}).get("name")
     # RFC 7946 knows longitude and latitude only; what QGIS and GDAL write beside it names its system.
@@ -111,7 +111,7 @@ def _parts(kind: str, places: Any) -> Iterator[tuple[FeatureKind, Any]]:
         yield _KINDS[kind], [places] if kind == "Point" else places
 
 
-def _of_geopackage(path: Path) -> Iterator[tuple[Feature, str | None]]:
+def _of_geopackage(path: Path) -> Iterator[tuple[DrawnFeature, str | None]]:
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
         layers = database.execute(
             "SELECT g.table_name, g.column_name, s.organization, s.organization_coordsys_id, s.definition FROM "

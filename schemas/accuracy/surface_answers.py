@@ -11,7 +11,7 @@ FeatureKind = Literal["point", "line", "polygon"]
 
 
 @dataclass(frozen=True)
-class Feature:
+class DrawnFeature:
     """A point, a line or a polygon (its outer ring, the last corner is not the first one again) on the map."""
 
     name: str
@@ -30,7 +30,7 @@ class SurfaceCut:
     measured: np.ndarray
 
 
-class SurfaceSource(Protocol):
+class MeasuredSource(Protocol):
     """Where windows of a surface come from."""
 
     @property
@@ -68,7 +68,7 @@ class MeasureRules:
 
 
 @dataclass(frozen=True)
-class Measured:
+class SurfaceAnswer:
     """One answer: its value, unit and standard error with the shares of it; a note where it must be known."""
 
     feature: str
@@ -104,6 +104,6 @@ class ProfilePoint:
 class MeasuredAnswers:
     """All answers, profiles of all lines, and how the correlation of neighbouring errors is known."""
 
-    answers: tuple[Measured, ...]
+    answers: tuple[SurfaceAnswer, ...]
     profiles: tuple[ProfilePoint, ...]
     correlation: str

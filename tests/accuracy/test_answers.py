@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from orthomill.schemas.accuracy.surface_answers import Feature, MeasureRules, SurfaceCut
+from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasureRules, SurfaceCut
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation, correlation_from, window_products
@@ -108,9 +108,9 @@ class Ramp:
 
 def test_answers_about_a_ramp():
     features = (
-        Feature("spot", "point", np.array([[1020.0, 1950.0]])),
-        Feature("line", "line", np.array([[1010.0, 1950.0], [1050.0, 1950.0]])),
-        Feature("field", "polygon", np.array([[1010.0, 1910.0], [1050.0, 1910.0], [1050.0, 1950.0], [1010.0, 1950.0]])),
+        DrawnFeature("spot", "point", np.array([[1020.0, 1950.0]])),
+        DrawnFeature("line", "line", np.array([[1010.0, 1950.0], [1050.0, 1950.0]])),
+        DrawnFeature("field", "polygon", np.array([[1010.0, 1910.0], [1050.0, 1910.0], [1050.0, 1950.0], [1010.0, 1950.0]])),
     )
     found = measure(Ramp(), features, MeasureRules(level=10.0, corner=0.1, step=5.0))
     by = {(a.feature, a.quantity): a for a in found.answers}
@@ -129,4 +129,4 @@ def test_answers_about_a_ramp():
 
 def test_what_lies_elsewhere_is_said_so():
     with pytest.raises(GeometryError, match="far lies outside"):
-        measure(Ramp(), (Feature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())
+        measure(Ramp(), (DrawnFeature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())

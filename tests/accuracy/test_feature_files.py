@@ -8,16 +8,16 @@ import pytest
 
 from orthomill.pipeline.storage.answer_files import answers_csv, write_answers
 from orthomill.pipeline.storage.feature_files import read_features
-from orthomill.schemas.accuracy.surface_answers import Feature, Measured, MeasuredAnswers, ProfilePoint
+from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasuredAnswers, ProfilePoint, SurfaceAnswer
 from orthomill.schemas.errors import StoreError, WorkflowError
 
 FEATURES = (
-    Feature("a", "point", np.array([[500000.0, 4000000.0]])),
-    Feature("b", "line", np.array([[500000.0, 4000000.0], [500010.0, 4000020.0]])),
-    Feature("c", "polygon", np.array([[500000.0, 4000000.0], [500009.0, 4000000.0], [500009.0, 4000009.0]])),
+    DrawnFeature("a", "point", np.array([[500000.0, 4000000.0]])),
+    DrawnFeature("b", "line", np.array([[500000.0, 4000000.0], [500010.0, 4000020.0]])),
+    DrawnFeature("c", "polygon", np.array([[500000.0, 4000000.0], [500009.0, 4000000.0], [500009.0, 4000009.0]])),
 )
 ANSWERS = MeasuredAnswers(
-    tuple(Measured(f.name, "height", 1.5, math.nan, "m") for f in FEATURES),
+    tuple(SurfaceAnswer(f.name, "height", 1.5, math.nan, "m") for f in FEATURES),
     (ProfilePoint("b", 0, 500000, 4000000, 1, 0.1, True),),
     "as it is",
 )

@@ -16,7 +16,7 @@ from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK, Block
 
 
-class Covariances(Protocol):
+class CovarianceMethod(Protocol):
     """What the catalogue provides."""
 
     def of_photos(self, first: str, second: str) -> np.ndarray | None:
@@ -42,7 +42,7 @@ class CovarianceTable:
 
 
 def covariance_table(
-    folder: Path, path: Path, sigma: float | None, method: Callable[[Block, float], Covariances]
+    folder: Path, path: Path, sigma: float | None, method: Callable[[Block, float], CovarianceMethod]
 ) -> CovarianceTable:
     """The covariances of a run's points. Raises StoreError before it has a block, WorkflowError for a file that cannot be read."""
     store = Store(folder)

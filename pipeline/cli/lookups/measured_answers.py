@@ -8,10 +8,10 @@ from orthomill.pipeline.cli.lookups.measured_surface import FileBase, RunBase, R
 from orthomill.pipeline.storage.answer_files import write_answers
 from orthomill.pipeline.storage.feature_files import read_features
 from orthomill.pipeline.storage.height_files import check_height_file
-from orthomill.schemas.accuracy.surface_answers import BaseSource, Feature, MeasuredAnswers, MeasureRules, SurfaceSource
+from orthomill.schemas.accuracy.surface_answers import BaseSource, DrawnFeature, MeasuredAnswers, MeasuredSource, MeasureRules
 from orthomill.schemas.errors import WorkflowError
 
-Measure = Callable[[SurfaceSource, tuple[Feature, ...], MeasureRules], MeasuredAnswers]
+Measure = Callable[[MeasuredSource, tuple[DrawnFeature, ...], MeasureRules], MeasuredAnswers]
 
 
 @dataclass(frozen=True)

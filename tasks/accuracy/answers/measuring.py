@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from orthomill.schemas.accuracy.surface_answers import (
-    Feature,
-    Measured,
+    DrawnFeature,
     MeasuredAnswers,
+    MeasuredSource,
     MeasureRules,
     ProfilePoint,
+    SurfaceAnswer,
     SurfaceCut,
-    SurfaceSource,
 )
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import MapGrid, Window
@@ -28,10 +28,10 @@ MOST_CELLS = 40_000_000
 """cells around one feature that are held in memory"""
 
 
-def measure(surface: SurfaceSource, features: tuple[Feature, ...], rules: MeasureRules) -> MeasuredAnswers:
+def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: MeasureRules) -> MeasuredAnswers:
     """All answers about all features. Raises GeometryError for a feature that is too large or lies off the surface."""
     correlation = surface_correlation(surface)
-    answers: list[Measured] = []
+    answers: list[SurfaceAnswer] = []
     profiles: list[ProfilePoint] = []
     for feature in features:
         window = _around(surface.grid, feature)
@@ -46,7 +46,7 @@ def measure(surface: SurfaceSource, features: tuple[Feature, ...], rules: Measur
     return MeasuredAnswers(tuple(answers), tuple(profiles), correlation_words(correlation))
 
 
-def surface_correlation(surface: SurfaceSource) -> ErrorCorrelation:
+def surface_correlation(surface: MeasuredSource) -> ErrorCorrelation:
     """How errors of neighbouring heights of a surface are correlated, from its own smooth ground."""
     grid, found = surface.grid, []
     across = max(1, math.isqrt(WINDOWS * grid.cols // max(grid.rows, 1)))
@@ -77,7 +77,7 @@ def _part(cut: SurfaceCut) -> SurfacePart:
     return SurfacePart(cut.height, cut.relative, cut.datum, cut.measured)
 
 
-def _around(grid: MapGrid, feature: Feature) -> Window:
+def _around(grid: MapGrid, feature: DrawnFeature) -> Window:
     col, row = (np.asarray(values) for values in grid.pixel(feature.places[:, 0], feature.places[:, 1]))
     top, left = math.floor(row.min()) - 2, math.floor(col.min()) - 2
     window = Window(top, left, math.ceil(row.max()) + 3 - top, math.ceil(col.max()) + 3 - left).clipped(grid.shape)
@@ -97,35 +97,37 @@ def _pixels(grid: MapGrid, window: Window, places: np.ndarray) -> np.ndarray:
     return np.column_stack([np.asarray(col) - window.col, np.asarray(row) - window.row])
 
 
-def _spot(feature: Feature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation) -> Iterator[Measured]:
+def _spot(
+    feature: DrawnFeature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation
+) -> Iterator[SurfaceAnswer]:
     (col, row), *_ = _pixels(grid, window, feature.places)
     found = spot_height(part, float(col), float(row), correlation)
     if found is None:
-        yield Measured(feature.name, "height", math.nan, math.nan, "m", note="the surface has no height here")
+        yield SurfaceAnswer(feature.name, "height", math.nan, math.nan, "m", note="the surface has no height here")
         return
     e = found.error
     note = "" if found.measured else "an estimate: no photograph measured this height"
-    yield Measured(feature.name, "height", found.height, e.sigma, "m", e.measured, e.estimated, e.datum, note=note)
+    yield SurfaceAnswer(feature.name, "height", found.height, e.sigma, "m", e.measured, e.estimated, e.datum, note=note)
 
 
 def _line(
-    feature: Feature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation, rules: MeasureRules
-) -> Iterator[Measured]:
+    feature: DrawnFeature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation, rules: MeasureRules
+) -> Iterator[SurfaceAnswer]:
     found = line_answer(feature.places, _pixels(grid, window, feature.places), part, correlation, rules.corner)
     if found is None:
-        yield Measured(feature.name, "distance", math.nan, math.nan, "m", note="an end of it has no height")
+        yield SurfaceAnswer(feature.name, "distance", math.nan, math.nan, "m", note="an end of it has no height")
         return
     plan = "the corners' own errors; those that the whole block has in common are not in it"
-    yield Measured(feature.name, "distance in plan", found.plan, found.plan_sigma, "m", note=plan)
-    yield Measured(
+    yield SurfaceAnswer(feature.name, "distance in plan", found.plan, found.plan_sigma, "m", note=plan)
+    yield SurfaceAnswer(
         feature.name, "distance in space", found.space, found.space_sigma, "m", note="along the corners, with their heights"
     )
-    yield Measured(feature.name, "rise", found.rise, found.rise_sigma, "m")
-    yield Measured(feature.name, "slope", 100 * found.slope, 100 * found.slope_sigma, "%")
+    yield SurfaceAnswer(feature.name, "rise", found.rise, found.rise_sigma, "m")
+    yield SurfaceAnswer(feature.name, "slope", 100 * found.slope, 100 * found.slope_sigma, "%")
 
 
 def _profile(
-    feature: Feature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation, rules: MeasureRules
+    feature: DrawnFeature, grid: MapGrid, window: Window, part: SurfacePart, correlation: ErrorCorrelation, rules: MeasureRules
 ) -> Iterator[ProfilePoint]:
     along, places = profile_places(feature.places, rules.step)
     for at, (x, y), (col, row) in zip(along, places, _pixels(grid, window, places), strict=True):
@@ -135,15 +137,20 @@ def _profile(
 
 
 def _polygon(
-    feature: Feature, surface: SurfaceSource, window: Window, part: SurfacePart, correlation: ErrorCorrelation, rules: MeasureRules
-) -> Iterator[Measured]:
+    feature: DrawnFeature,
+    surface: MeasuredSource,
+    window: Window,
+    part: SurfacePart,
+    correlation: ErrorCorrelation,
+    rules: MeasureRules,
+) -> Iterator[SurfaceAnswer]:
     grid = surface.grid
     share = inside_share(_pixels(grid, window, feature.places), window.shape)
     area, area_sigma = area_of(feature.places, rules.corner)
-    yield Measured(feature.name, "area in plan", area, area_sigma, "m2", note="the corners' own errors")
+    yield SurfaceAnswer(feature.name, "area in plan", area, area_sigma, "m2", note="the corners' own errors")
     base, words, other = _base(rules, window)
     if not (np.isfinite(part.height) & (share > 0)).any():
-        yield Measured(feature.name, "volume", math.nan, math.nan, "m3", note="no heights inside")
+        yield SurfaceAnswer(feature.name, "volume", math.nan, math.nan, "m3", note="no heights inside")
         return
     found = volume_of(part, share, grid.cell, base, correlation)
     error = found.error
@@ -153,10 +160,10 @@ def _polygon(
     error = replace(error, plan=corners)
     note = "; ".join(filter(None, (words, *_reservations(found))))
     shares = error.measured, error.estimated, error.datum, error.plan
-    yield Measured(feature.name, "volume", found.volume, error.sigma, "m3", *shares, note=note)
+    yield SurfaceAnswer(feature.name, "volume", found.volume, error.sigma, "m3", *shares, note=note)
     noise = f"noise alone would make {found.noise:.3g} m3 of each"
-    yield Measured(feature.name, "cut", found.cut, found.cut_sigma, "m3", note=noise)
-    yield Measured(feature.name, "fill", found.fill, found.fill_sigma, "m3", note=noise)
+    yield SurfaceAnswer(feature.name, "cut", found.cut, found.cut_sigma, "m3", note=noise)
+    yield SurfaceAnswer(feature.name, "fill", found.fill, found.fill_sigma, "m3", note=noise)
 
 
 def _base(rules: MeasureRules, window: Window) -> tuple[np.ndarray | float | None, str, SurfaceCut | None]:
@@ -178,7 +185,7 @@ def _of_base(base: SurfaceCut, share: np.ndarray, cell: float, correlation: Erro
 
 
 def _of_corners(
-    feature: Feature, part: SurfacePart, share: np.ndarray, base: np.ndarray | float | None, sigma: float, cell: float
+    feature: DrawnFeature, part: SurfacePart, share: np.ndarray, base: np.ndarray | float | None, sigma: float, cell: float
 ) -> float:
     """What corners that are off by `sigma` m do to the volume: the height above the base along the sides that they move."""
     if not sigma:
