@@ -54,6 +54,14 @@ def test_a_wide_window_adds_its_doubt():
     assert wide[12, 12] > 6.0 / np.sqrt(12.0)
 
 
+def test_ground_that_no_window_joins_with_the_wall_is_not_doubted():
+    height = np.full((60, 80), 10.0, np.float32)
+    height[:, 40:] = 16.0
+    doubt = window_doubt(height, 13)[30]
+    # Half a window of 13 cells, and two for a wall that is shown half a window off.
+    assert (doubt[:31] == 0.0).all() and (doubt[32:40] > 1.0).all() and (doubt[50:] == 0.0).all()
+
+
 def uneven_cells(hole: bool, code: Provenance = Provenance.AGREED) -> tuple[FusedCells, VolumeWindow]:
     """Heights with noise of 0.1 m on an inclined plane, and in a corner nothing, if asked."""
     row, col = np.indices((40, 40))

@@ -35,6 +35,9 @@ _UNEVEN = 20.0
 """times the unevenness of the heights around"""
 _UNMEASURED = 8
 """cells away from the nearest cell without a measured height, beyond which windows show one surface"""
+_SHIFTED = 2
+"""cells beyond half a window up to which a wall matters: a window no longer reaches it from farther away, and the heights found
+show it there or half a window off, where those that are wrong have it within half a window as well"""
 _GONE = 0.4
 """share of the cells around without a height, from which on slopes explain nothing: windows fail where they see two surfaces"""
 
@@ -59,13 +62,13 @@ def _uneven(cells: FusedCells) -> np.ndarray:
 
 
 def window_doubt(height: np.ndarray, window: int) -> np.ndarray:
-    """Standard errors (rows, cols) float32, m, that windows which know no walls leave: a height may be that of anything within a
-    window of it, so that it is one of those around, all alike likely. heights (rows, cols) m, NaN where nothing was measured;
+    """Standard errors (rows, cols) float32, m, that windows which know no walls leave: a height may be that of anything within half
+    a window of it, so that it is one of those around, all alike likely. heights (rows, cols) m, NaN where nothing was measured;
     window: its side in cells.
 
     What the even slope of the ground explains is no doubt, unless much around was not found.
     """
-    reach = min(window, REACH - 1)
+    reach = min(window // 2 + _SHIFTED, REACH - 1) if window > 1 else 0
     known, around = np.isfinite(height), box_sums(np.ones(height.shape, bool), reach)
     gone = np.minimum((1.0 - box_sums(known, reach) / around) / _GONE, 1.0)
     # Beside a wall the calmest cells within the window tell the slope of the ground; their neighbours are one cell away.
