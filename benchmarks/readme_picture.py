@@ -16,7 +16,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from orthomill.pipeline.report.overview import overview
+from orthomill.pipeline.painting.overview import overview
 from orthomill.pipeline.report.pictures import HATCH, ClassEntry, ColourBar, Drawing, draw
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.stage_report import Picture, StageReport, report_table

@@ -6,6 +6,7 @@ from enum import IntEnum
 import numpy as np
 
 from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.maps.map_lines import MapLines
 
 TERRAIN = "terrain/height"
 """float32 m: height of the bare ground, NaN beyond the surface and where no ground is near"""
@@ -82,3 +83,20 @@ class PointClasses(Columns):
 def point_classes_table(row: int, col: int) -> Table[PointClasses]:
     """The classes of the points of a tile of the surface model."""
     return Table(f"terrain/points/{row}-{col}.parquet", PointClasses)
+
+
+@dataclass(frozen=True)
+class ContourLines(MapLines):
+    """The contours of a terrain."""
+
+    height: np.ndarray
+    """float64 m"""
+    index: np.ndarray
+    """bool: one of the thicker lines that are labelled"""
+    measured: np.ndarray
+    """bool: whether the ground under the line was measured"""
+    sigma: np.ndarray
+    """float64 m: root mean square of the standard errors of the ground along the line"""
+
+
+TERRAIN_LINES = Table("terrain/contours.parquet", ContourLines)

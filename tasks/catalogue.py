@@ -23,6 +23,7 @@ from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.terrain.stage import TerrainStage
 from orthomill.tasks.texture.stage import TextureStage
 from orthomill.tasks.tie_points.stage import TiePointsStage
+from orthomill.tasks.viewer.stage import ViewerStage
 
 __all__ = [
     "STAGES",
@@ -51,6 +52,7 @@ STAGES: tuple[type[Stage], ...] = (
     DsmCheckStage,
     TerrainStage,
     TextureStage,
+    ViewerStage,
     ProjectionStage,
     AccuracyStage,
     EvaluationStage,

@@ -245,6 +245,7 @@ PIPELINE_ROOMS = (
     "records",
     "signing",
     "workflow",
+    "painting",
     "export",
     "engine",
     "forecast",

@@ -32,11 +32,13 @@ from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, line_features
+from orthomill.pipeline.export.viewer.viewer_page import write_viewer
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Columns, Export, FileBytes
 from orthomill.schemas.maps.map_lines import MapLines
+from orthomill.schemas.maps.map_page import MapPage
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
 GDAL_CACHE = 64 * 2**20
@@ -321,6 +323,14 @@ def _write_geojson(export: Export, store: ReadableStore, path: Path) -> None:
         write_geojson(target, (_line_layer(export, store),), _place_of(export, store).crs)
 
 
+def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
+    page, *lines = (store.table(table) for table in export.tables)
+    if not isinstance(page, MapPage):
+        raise StoreError(f"{export.path} is a map, which needs a page as its first table.")
+    text = write_viewer(path, store, page, next((table for table in lines if isinstance(table, MapLines)), None))
+    write_whole(path, text.encode())
+
+
 def _line_layer(export: Export, store: ReadableStore) -> Layer:
     """The lines of the one table of an export, under the name of its file."""
     return Layer(Path(export.path).stem, "line", tuple(line_features(_the_table(export, store, MapLines))))
@@ -390,4 +400,5 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "gpkg": _write_gpkg,
     "dxf": _write_dxf,
     "geojson": _write_geojson,
+    "map": _write_map,
 }

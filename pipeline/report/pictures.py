@@ -4,16 +4,25 @@ One painter per style turns an overview into an image and its legend. Where ther
 which cannot be mistaken for a colour of a colour map.
 """
 
-import math
 from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
 from pyproj import CRS
 
+from orthomill.pipeline.painting.map_colours import (
+    BLUE_WHITE_RED,
+    RELIEF,
+    UNKNOWN_CODE,
+    exaggeration,
+    limits,
+    palette,
+    percentile,
+    shade,
+)
+from orthomill.pipeline.painting.overview import Overview, overview
 from orthomill.pipeline.report.image_uri import jpeg_uri, png_uri
 from orthomill.pipeline.report.numbers import nice_step
-from orthomill.pipeline.report.overview import Overview, overview
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.raster import NO_UNIT, RasterSpec
 from orthomill.schemas.stage_report import Picture
@@ -22,9 +31,6 @@ LIMIT = 1100
 """longest side of a picture, px: a full screen; larger ones would make the page too heavy to send by e-mail"""
 HATCH = np.array([[244, 243, 239], [219, 217, 210]], np.uint8)
 HATCH_PERIOD = 8
-RELIEF = ("#3f6b57", "#6f9271", "#b3b98a", "#dccf9f", "#c9a778", "#a17c5f", "#7d6256", "#cdc4bd", "#f4f1ee")
-BLUE_WHITE_RED = ("#08306b", "#2a6fb0", "#7fb5d8", "#d6e6ef", "#f7f7f5", "#f6d5c3", "#e58f6f", "#be3a34", "#67001f")
-UNKNOWN_CODE = "#8a8a8a"
 CODES, COLOUR_STEPS = 256, 254
 """A palette has 256 entries; two of them are the hatching."""
 
@@ -108,42 +114,12 @@ def _paint_hillshade(seen: Overview, picture: Picture, spec: RasterSpec) -> _Pai
     """Heights tinted by elevation and shaded by light from the north-west, with some light from the west and the north."""
     # Weak second lights keep slopes that run along the main light from looking flat.
     heights = _plane(seen)
-    low, high = _limits(heights, picture)
+    low, high = limits(heights, picture)
     tint = palette(RELIEF, CODES)[_steps(heights, low, high, CODES)].astype(np.float64)
     cell = abs(spec.transform[0]) * seen.factor if spec.transform else 1.0
-    shaded = np.clip(tint * shade(heights, cell)[..., None], 0, 255)
+    shaded = np.clip(tint * shade(heights, cell, exaggeration(heights, cell))[..., None], 0, 255)
     bar = _bar(heights, _Scale(low, high, RELIEF, picture.unit or spec.unit))
     return _Painted(jpeg_uri(_composed(shaded, np.isfinite(heights).astype(float))), bar)
-
-
-def shade(heights: np.ndarray, cell: float) -> np.ndarray:
-    """Brightness, about 1, of heights (rows, cols) m on cells of `cell` m; 1 where there is no height.
-
-    Heights are exaggerated such that the steeper slopes are visible in any terrain.
-    """
-    east, south = _slope(heights, 1) / cell, _slope(heights, 0) / cell
-    steep = np.hypot(east, south)
-    # The 90th percentile: house walls, nearly vertical in a surface model, would otherwise flatten the terrain around them.
-    usual = np.nanpercentile(steep, 90) if np.isfinite(steep).any() else 0.0
-    exaggeration = float(np.clip(0.5 / usual, 0.3, 6.0)) if usual > 0 else 1.0
-    east, south = east * exaggeration, south * exaggeration
-    normal = np.sqrt(1 + east**2 + south**2)
-    light = sum(weight * np.clip((-east * x - south * y + z) / normal, 0, 1) for weight, x, y, z in SUNS)
-    return np.nan_to_num(0.42 + 0.80 * light, nan=1.0)
-
-
-HALF = math.sqrt(0.5)
-SUNS = ((0.70, -0.5, -0.5, HALF), (0.15, -HALF, 0.0, HALF), (0.15, 0.0, -HALF, HALF))
-"""(weight, east, south, up) of the light's direction"""
-
-
-def _slope(heights: np.ndarray, axis: int) -> np.ndarray:
-    """Height difference per pixel along an axis: the mean of the forward and the backward step, or the one that exists."""
-    steps = np.diff(heights, axis=axis)
-    edge = np.full_like(np.take(heights, [0], axis=axis), np.nan)
-    both = np.stack([np.concatenate([steps, edge], axis=axis), np.concatenate([edge, steps], axis=axis)])
-    count = np.isfinite(both).sum(axis=0)
-    return np.where(np.isfinite(heights), np.nansum(both, axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _paint_rgb(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
@@ -161,14 +137,14 @@ def _paint_ramp(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
     name = picture.colours if picture.colours in matplotlib.colormaps else "viridis"
     colours = tuple(matplotlib.colors.to_hex(colour) for colour in matplotlib.colormaps[name](np.linspace(0, 1, 17)))
     values = _plane(seen)
-    return _paint_steps(values, _Scale(*_limits(values, picture), colours, picture.unit or spec.unit))
+    return _paint_steps(values, _Scale(*limits(values, picture), colours, picture.unit or spec.unit))
 
 
 def _paint_diverging(seen: Overview, picture: Picture, spec: RasterSpec) -> _Painted:
     """Symmetric about 0: blue below, red above."""
     values = _plane(seen)
     given = [abs(limit) for limit in (picture.low, picture.high) if limit is not None]
-    bound = max(given) if given else _percentile(np.abs(values), 98)
+    bound = max(given) if given else percentile(np.abs(values), 98)
     return _paint_steps(values, _Scale(-(bound or 1.0), bound or 1.0, BLUE_WHITE_RED, picture.unit or spec.unit))
 
 
@@ -218,27 +194,8 @@ def _plane(seen: Overview) -> np.ndarray:
     return seen.values if seen.values.ndim == 2 else seen.values[..., 0]
 
 
-def _limits(values: np.ndarray, picture: Picture) -> tuple[float, float]:
-    # Percentiles, because a single blunder in a surface would take up most of the colour range.
-    low = _percentile(values, 2) if picture.low is None else picture.low
-    high = _percentile(values, 98) if picture.high is None else picture.high
-    return low, high if high > low else low + (abs(low) * 1e-3 or 1.0)
-
-
-def _percentile(values: np.ndarray, share: float) -> float:
-    present = values[np.isfinite(values)]
-    return float(np.percentile(present, share)) if present.size else 0.0
-
-
 def _steps(values: np.ndarray, low: float, high: float, count: int) -> np.ndarray:
     return np.nan_to_num(np.clip((values - low) / (high - low), 0, 1) * (count - 1)).round().astype(np.int64)
-
-
-def palette(colours: tuple[str, ...], count: int) -> np.ndarray:
-    """(count, 3) uint8: `colours` ("#rrggbb") spread evenly and interpolated linearly."""
-    stops = np.array([tuple(bytes.fromhex(colour.lstrip("#"))) for colour in colours], np.float64)
-    at = np.linspace(0, len(colours) - 1, count)
-    return np.column_stack([np.interp(at, np.arange(len(colours)), stops[:, band]) for band in range(3)]).round().astype(np.uint8)
 
 
 def _bar(values: np.ndarray, scale: _Scale) -> ColourBar | None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from orthomill.schemas.bare_ground import TerrainCode
+from orthomill.schemas.bare_ground import ContourLines, TerrainCode
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, contour_pieces, smoothed
-from orthomill.tasks.terrain.contours.joined_contours import ContourLines, join_contours
+from orthomill.tasks.terrain.contours.joined_contours import join_contours
 from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
 
 SIDE, SIGMA = 120, 0.05

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from orthomill.schemas.maps.map_lines import MapLines
+from orthomill.schemas.bare_ground import ContourLines
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval
 from orthomill.tasks.terrain.contours.contour_pieces import ContourPieces
 
@@ -27,20 +27,6 @@ LAYERS = {
     (True, True): "CONTOUR_INDEX_DASHED",
 }
 """layer by whether a line is an index contour, and whether it is dashed"""
-
-
-@dataclass(frozen=True)
-class ContourLines(MapLines):
-    """The contours of a terrain."""
-
-    height: np.ndarray
-    """float64 m"""
-    index: np.ndarray
-    """bool: one of the thicker lines that are labelled"""
-    measured: np.ndarray
-    """bool: whether the ground under the line was measured"""
-    sigma: np.ndarray
-    """float64 m: root mean square of the standard errors of the ground along the line"""
 
 
 @dataclass(frozen=True)

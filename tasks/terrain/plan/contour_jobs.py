@@ -2,17 +2,16 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_PRECISION
+from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_LINES, TERRAIN_PRECISION
 from orthomill.schemas.job import Export, Job, Raster, Table
 from orthomill.schemas.raster import MapGrid, Tile, Window
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
-from orthomill.tasks.terrain.contours.joined_contours import ContourLines, join_contours
+from orthomill.tasks.terrain.contours.joined_contours import join_contours
 from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
 from orthomill.tasks.terrain.stage import DrawContours
 
 INTERVAL = Table("terrain/contour_interval.json", ContourInterval)
-CONTOURS = Table("terrain/contours.parquet", ContourLines)
 _FORMATS = {"contours.gpkg": "gpkg", "contours.dxf": "dxf", "contours.geojson": "geojson"}
 _VERTEX = 200
 """bytes of a vertex while lines are joined"""
@@ -36,13 +35,13 @@ def contour_jobs(
         item="joined",
         function=join_contours,
         reads={"parts": tuple(_pieces_table(tile) for tile in tiles), "interval": INTERVAL},
-        writes={"lines": CONTOURS},
+        writes={"lines": TERRAIN_LINES},
         params={"cell": grid.cell, "every": asked.index_every},
         # Ten cells of ground for a vertex: contours are no closer than the relief allows.
         scratch=_VERTEX * grid.rows * grid.cols // 10,
     )
     for name, kind in _FORMATS.items():
-        yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, (CONTOURS,))
+        yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, (TERRAIN_LINES,))
 
 
 def _pieces(grid: MapGrid, tile: Tile) -> Job:

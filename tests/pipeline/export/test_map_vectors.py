@@ -10,7 +10,7 @@ from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer, line_features
-from orthomill.tasks.terrain.contours.joined_contours import ContourLines
+from orthomill.schemas.bare_ground import ContourLines
 
 
 def contours() -> ContourLines:

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from memory_store import MemoryStore
 from PIL import Image
 
+from orthomill.pipeline.painting.map_colours import exaggeration, palette, shade
+from orthomill.pipeline.painting.overview import overview
 from orthomill.pipeline.report.grey_png import write_grey_png
 from orthomill.pipeline.report.image_uri import jpeg_uri, png_uri
-from orthomill.pipeline.report.overview import overview
-from orthomill.pipeline.report.pictures import draw, palette, shade
+from orthomill.pipeline.report.pictures import draw
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.stage_report import Picture
 
@@ -148,19 +149,19 @@ def test_16_bit_colours_are_stretched():
 @settings(max_examples=30, deadline=None)
 @given(height=st.floats(-500, 3000), cell=st.floats(0.05, 50))
 def test_level_ground_has_one_brightness_at_any_height(height, cell):
-    bright = shade(np.full((6, 7), height), cell)
+    bright = shade(np.full((6, 7), height), cell, exaggeration(np.full((6, 7), height), cell))
     assert np.ptp(bright) == 0 and 0.5 < bright[0, 0] < 1.5
 
 
 def test_shading_shows_slopes_of_flat_and_of_steep_terrain_alike():
     """Exaggeration adapts to the terrain: a gentle ridge and one ten times as steep are shaded with the same contrast."""
     ridge = np.abs(np.arange(60.0) - 30)[None].repeat(40, axis=0)
-    gentle, steep = (np.ptp(shade(slope * ridge, 1.0)[20]) for slope in (0.2, 2.0))
+    gentle, steep = (np.ptp(shade(slope * ridge, 1.0, exaggeration(slope * ridge, 1.0))[20]) for slope in (0.2, 2.0))
     assert gentle > 0.3 and steep == pytest.approx(gentle, rel=0.35)
 
 
 def test_a_hole_is_neither_bright_nor_dark_and_hides_no_neighbour():
     heights = np.arange(49.0).reshape(7, 7)
     heights[3, 3] = NAN
-    bright = shade(heights, 1.0)
+    bright = shade(heights, 1.0, exaggeration(heights, 1.0))
     assert bright[3, 3] == 1.0 and np.isfinite(bright).all()

@@ -11,11 +11,12 @@ import pytest
 from memory_store import MemoryStore
 
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
+from orthomill.pipeline.painting.map_colours import exaggeration, shade
+from orthomill.pipeline.painting.overview import overview
 from orthomill.pipeline.report.charts import chart_svg
 from orthomill.pipeline.report.numbers import column_texts, duration_text, number_text, ticks
-from orthomill.pipeline.report.overview import overview
 from orthomill.pipeline.report.page import label_of, report_html, write_report
-from orthomill.pipeline.report.pictures import draw, shade
+from orthomill.pipeline.report.pictures import draw
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport, Verdict, report_table
 
@@ -238,7 +239,7 @@ def test_transparent_colours_count_as_no_value():
 
 def test_slopes_to_the_light_are_brighter():
     roof = np.minimum(np.arange(60.0), 60 - np.arange(60.0))[None].repeat(40, axis=0)
-    bright = shade(roof, 1.0)
+    bright = shade(roof, 1.0, exaggeration(roof, 1.0))
     assert bright[20, 15] > bright[20, 45] + 0.2
 
 

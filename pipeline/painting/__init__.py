@@ -1,0 +1,1 @@
+"""Rasters as colours: reduced, tinted, shaded; for the report and for maps."""

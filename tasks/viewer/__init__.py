@@ -1,0 +1,1 @@
+"""The products of a run as a map in a browser."""

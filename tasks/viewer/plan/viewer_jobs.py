@@ -1,0 +1,89 @@
+"""The page of the map, and its export: layers are the pictures that the stages before report of their maps."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.bare_ground import (
+    ABOVE_GROUND,
+    CELL_CLASS,
+    TERRAIN,
+    TERRAIN_CODE,
+    TERRAIN_CODES,
+    TERRAIN_LINES,
+    TERRAIN_PRECISION,
+)
+from orthomill.schemas.job import Export, Job, Table
+from orthomill.schemas.maps.map_page import MAP_PAGE, ValueLayer
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.stage_contract import ProjectView
+from orthomill.schemas.stage_report import StageReport, report_table
+from orthomill.schemas.surface import (
+    CHECKED_CODE,
+    CORRECTED,
+    HEIGHT,
+    HEIGHT_SOURCE,
+    ORTHO,
+    PRECISION,
+    PROVENANCE,
+    PROVENANCE_CODES,
+    RELATIVE_PRECISION,
+)
+from orthomill.tasks.viewer.photographs_on_map import chosen_pictures, map_page
+from orthomill.tasks.viewer.report.viewer_report import viewer_report
+
+_STAGES = ("densification", "dsm_check", "terrain", "texture")
+"""whose pictures of maps become layers"""
+_LAYERS = (
+    ORTHO,
+    HEIGHT,
+    TERRAIN,
+    ABOVE_GROUND,
+    CELL_CLASS,
+    RELATIVE_PRECISION,
+    TERRAIN_PRECISION,
+    PROVENANCE,
+    TERRAIN_CODE,
+    CHECKED_CODE,
+    "dsm_check/dh",
+    "texture/coverage",
+    HEIGHT_SOURCE,
+)
+"""rasters in the order in which they are offered"""
+
+
+def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
+    """The page of a project that has a surface or an orthoimage; none otherwise."""
+    reports = tuple(view.table(report_table(kind)) for kind in _STAGES if view.has_stage(kind))
+    pictures = chosen_pictures(reports, _LAYERS)
+    if not pictures:
+        return
+    values = tuple(_values(view))
+    yield Job(
+        stage="viewer",
+        item="page",
+        function=map_page,
+        reads={"block": BLOCK, "photos": PHOTOS},
+        writes={"page": MAP_PAGE},
+        params={"project": view.project.project, "pictures": pictures, "values": values},
+    )
+    lines: tuple[Table, ...] = (TERRAIN_LINES,) if _draws_contours(reports) else ()
+    rasters = {f"layer{k}": picture.raster for k, picture in enumerate(pictures)}
+    rasters |= {f"{layer.name}_{key}": name for layer in values for key, name in layer.rasters.items()}
+    yield Export("viewer", "map", "products/index.html", "map", rasters, (MAP_PAGE, *lines))
+    yield Job(
+        stage="viewer", item="report", function=viewer_report, reads={"page": MAP_PAGE}, writes={"report": report_table("viewer")}
+    )
+
+
+def _values(view: ProjectView) -> Iterator[ValueLayer]:
+    if view.has_stage("densification"):
+        height = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+        rasters = {"height": height, "sigma": PRECISION, "code": PROVENANCE}
+        yield ValueLayer(name="surface", title="Surface", rasters=rasters, codes=PROVENANCE_CODES)
+    if view.has_stage("terrain"):
+        rasters = {"height": TERRAIN, "sigma": TERRAIN_PRECISION, "code": TERRAIN_CODE}
+        yield ValueLayer(name="terrain", title="Bare ground", rasters=rasters, codes=TERRAIN_CODES)
+
+
+def _draws_contours(reports: tuple[StageReport, ...]) -> bool:
+    return any(product.path == "products/contours.gpkg" for report in reports for product in report.products)

@@ -1,0 +1,159 @@
+"""The map of a run: its tiles, its values, and that a browser opens it from the disk."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import zlib
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from orthomill.pipeline.export.exports import export
+from orthomill.pipeline.export.viewer.painted_tiles import painted
+from orthomill.pipeline.export.viewer.tile_pyramid import TilePyramid
+from orthomill.pipeline.export.viewer.value_tiles import MILLIMETRES, NOTHING, SIZE, packed
+from orthomill.schemas.bare_ground import ContourLines
+from orthomill.schemas.job import Export, Table
+from orthomill.schemas.maps.map_page import MAP_PAGE, MapCamera, MapPage, ValueLayer
+from orthomill.schemas.raster import MapGrid, map_raster
+from orthomill.schemas.stage_report import Picture
+
+ROWS, COLS = 300, 420
+GRID = MapGrid(west=407000.0, north=4357300.0, cell=1.0, rows=ROWS, cols=COLS)
+FINE = MapGrid(west=407000.0, north=4357300.0, cell=0.5, rows=2 * ROWS, cols=2 * COLS)
+LINES = Table("terrain/contours.parquet", ContourLines)
+
+
+def heights() -> np.ndarray:
+    row, col = np.mgrid[:ROWS, :COLS]
+    z = (100 + 0.05 * col + 3 * np.sin(row / 20)).astype(np.float32)
+    z[:, :30] = np.nan
+    return z
+
+
+def colours() -> np.ndarray:
+    row, col = np.mgrid[: 2 * ROWS, : 2 * COLS]
+    rgb = np.stack([col % 256, row % 256, (row + col) % 256, np.full(row.shape, 255)], axis=-1).astype(np.uint8)
+    rgb[:64] = 0
+    return rgb
+
+
+def store() -> SimpleNamespace:
+    codes = np.where(np.isfinite(heights()), 1 + (np.mgrid[:ROWS, :COLS][1] > 200), 0).astype(np.uint8)
+    rasters = {"a/height": heights(), "a/sigma": np.full((ROWS, COLS), 0.1, np.float32), "a/code": codes, "a/ortho": colours()}
+    specs = {
+        name: map_raster(
+            name, FINE if name == "a/ortho" else GRID, str(values.dtype), "EPSG:2100", 256, bands=4 if name == "a/ortho" else 0
+        )
+        for name, values in rasters.items()
+    }
+    tables = {MAP_PAGE.path: page(), LINES.path: contour()}
+    return SimpleNamespace(
+        spec=specs.__getitem__, read=lambda name, window: rasters[name][window.slices], table=lambda table: tables[table.path]
+    )
+
+
+def contour() -> ContourLines:
+    flat, no = np.full(3, 101.0), np.zeros(3, bool)
+    x, y, text = 407100 + np.arange(3.0), 4357100 + np.arange(3.0), np.array(["101"] * 3)
+    return ContourLines(
+        line=np.zeros(3, np.int64),
+        x=x,
+        y=y,
+        z=flat,
+        layer=np.array(["CONTOUR"] * 3),
+        dashed=no,
+        text=text,
+        height=flat,
+        index=~no,
+        measured=~no,
+        sigma=flat,
+    )
+
+
+def page() -> MapPage:
+    classes = ((0, "#000000", "empty: no height"), (1, "#ff0000", "one"), (2, "#00ff00", "two"))
+    pictures = (
+        Picture(title="Orthoimage", raster="a/ortho", style="rgb"),
+        Picture(title="Relief", raster="a/height", style="hillshade", unit="m"),
+        Picture(title="Codes </script>", raster="a/code", style="classes", classes=classes),
+        Picture(title="Ramp", raster="a/sigma", style="ramp", unit="m", low=0.0),
+    )
+    values = (ValueLayer(name="surface", title="Surface", rasters={"height": "a/height", "sigma": "a/sigma", "code": "a/code"}),)
+    outline = ((407000.0, 4357000.0), (407400.0, 4357000.0), (407400.0, 4357300.0), (407000.0, 4357300.0))
+    cameras = (MapCamera(name="a.jpg", centre=(407200.0, 4357150.0, 900.0), outline=outline),)
+    return MapPage(project="volos", pictures=pictures, values=values, cameras=cameras, system="EPSG:2100")
+
+
+def written(folder: Path) -> Path:
+    export(Export("viewer", "map", "products/index.html", "map", {"one": "a/ortho"}, (MAP_PAGE, LINES)), store(), folder)
+    return folder / "products"
+
+
+def test_tiles_of_the_finest_level_are_the_raster_and_coarser_ones_its_means(tmp_path):
+    source = painted(store(), page().pictures[2])
+    pyramid = TilePyramid(source, store(), tmp_path, size=128)
+    pyramid.write()
+    assert pyramid.levels == 3 and len(pyramid.tiles[2]) == 1
+    whole = np.zeros((ROWS, COLS, 4), np.uint8)
+    for row, col in pyramid.tiles[0]:
+        tile = np.asarray(Image.open(tmp_path / "0" / f"{row}-{col}.webp").convert("RGBA"))
+        part = whole[row * 128 : (row + 1) * 128, col * 128 : (col + 1) * 128]
+        part[:] = tile[: part.shape[0], : part.shape[1]]
+    assert (whole[:, 30:201, :3] == (255, 0, 0)).all() and (whole[:, 201:, :3] == (0, 255, 0)).all()
+    assert (whole[:, :30, 3] == 0).all() and (whole[:, 30:, 3] == 255).all()
+
+
+def test_relief_has_no_seams_at_tiles():
+    source = painted(store(), page().pictures[1])
+    one = source.tile(store(), source.spec.full)
+    parts = [source.tile(store(), type(source.spec.full)(0, col, ROWS, 105)) for col in range(0, COLS, 105)]
+    assert np.array_equal(one, np.concatenate(parts, axis=1)) and one[..., :3].std() > 5
+
+
+def test_values_are_packed_in_millimetres():
+    z = heights()[:SIZE, :SIZE]
+    steps = np.frombuffer(zlib.decompress(base64.b64decode(packed(z))), "<i4").reshape(z.shape)
+    back = np.cumsum(steps.astype(np.int64), axis=1).astype(np.int32)
+    known = np.isfinite(z)
+    assert (back[~known] == NOTHING).all() and np.abs(back[known] / MILLIMETRES - z[known]).max() <= 0.00051
+
+
+def test_the_page_is_small_loads_nothing_from_elsewhere_and_bears_any_title(tmp_path):
+    products = written(tmp_path)
+    text = (products / "index.html").read_text()
+    assert len(text) < 2_000_000 and text.count("</script>") == 3
+    assert not re.search(r"""(src=|<link[^>]*href=|url\()["']?https?:""", text) and "@import" not in text
+    data = json.loads(re.search(r"const OM = (.*);</script>", text).group(1).replace("<\\/", "</"))
+    assert [layer["title"] for layer in data["layers"]][2] == "Codes </script>"
+    for layer in data["layers"]:
+        for level, names in layer["levels"].items():
+            assert all((products / layer["folder"] / level / f"{name}.webp").exists() for name in names)
+    assert data["values"]["tiles"] == ["0-0", "0-1", "1-0", "1-1"] and (products / data["lines"]).exists()
+
+
+@pytest.mark.slow
+def test_a_browser_opens_it_from_the_disk_and_knows_the_height_of_a_place(tmp_path):
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no browser here")
+    index = written(tmp_path) / "index.html"
+    asks = "om.valueAt('surface.height',407100.5,4357200.5).then((v)=>{document.title='height '+v});"
+    index.write_text(index.read_text().replace("window.om = {", f"setTimeout(()=>{{{asks}}},200);window.om = {{"))
+    flags = [
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--virtual-time-budget=6000",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ]
+    dom = subprocess.run([browser, *flags, "--dump-dom", index.as_uri()], capture_output=True, text=True, timeout=240).stdout
+    z = heights()[99, 100]
+    found = re.search(r"<title>height (\d+)</title>", dom)
+    assert found and int(found.group(1)) == pytest.approx(z * 1000, abs=1)
+    assert 'viewer/0/1/0-0.webp"' in dom and dom.count('class="choice"') == 4

@@ -1,0 +1,76 @@
+"""The stage: which layers a project gives its map, what it tells of photographs, and that it waits for nothing it does not need."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from box_scene import CENTRES, block
+
+from orthomill.pipeline.engine.job_signature import misfit
+from orthomill.schemas.bare_ground import TERRAIN
+from orthomill.schemas.job import Export, Job
+from orthomill.schemas.maps.map_page import MAP_PAGE
+from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.stage_report import Picture, Product, StageReport
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO
+from orthomill.tasks.viewer.photographs_on_map import map_page
+from orthomill.tasks.viewer.report.viewer_report import viewer_report
+from orthomill.tasks.viewer.stage import ViewerStage
+
+
+def report(*rasters: str, path: str = "") -> StageReport:
+    pictures = tuple(Picture(title=name, raster=name, style="ramp") for name in rasters)
+    return StageReport(pictures=pictures, products=(Product(path=path, purpose=""),) if path else ())
+
+
+class View:
+    """A project whose stages have reported."""
+
+    def __init__(self, **reports: StageReport) -> None:
+        self.reports = reports
+        self.project = SimpleNamespace(project="site")
+
+    def has_stage(self, kind):
+        return kind in self.reports
+
+    def table(self, table):
+        return self.reports[table.path.split("/")[0]]
+
+
+def planned(view: View) -> tuple[list[Job], list[Export]]:
+    made = list(ViewerStage().plan(view))
+    return [one for one in made if isinstance(one, Job)], [one for one in made if isinstance(one, Export)]
+
+
+def test_layers_are_the_maps_that_stages_report_the_orthoimage_first():
+    view = View(
+        densification=report(HEIGHT, "densification/unknown"),
+        terrain=report(TERRAIN, path="products/contours.gpkg"),
+        texture=report(ORTHO),
+    )
+    jobs, (export,) = planned(view)
+    assert all(misfit(job) is None for job in jobs)
+    assert [picture.raster for picture in jobs[0].params["pictures"]] == [ORTHO, HEIGHT, TERRAIN]
+    assert export.path == "products/index.html" and set(export.rasters.values()) >= {ORTHO, HEIGHT, TERRAIN}
+    assert [table.path for table in export.tables] == [MAP_PAGE.path, "terrain/contours.parquet"]
+
+
+def test_heights_of_a_place_are_those_after_the_check():
+    jobs, _ = planned(View(densification=report(HEIGHT), dsm_check=report()))
+    (surface,) = jobs[0].params["values"]
+    assert surface.rasters["height"] == CORRECTED
+
+
+def test_a_project_without_maps_has_no_page():
+    assert planned(View(densification=report())) == ([], [])
+
+
+def test_photographs_stand_where_they_were_taken_over_what_they_show():
+    facts = {"width": 420, "height": 420, "bands": 3, "dtype": "uint8", "camera": "test"}
+    photos = Photos(photos=tuple(Photo(name=name, path=name, time="2026-05-01T10:00:00", **facts) for name in CENTRES))
+    page = map_page(block(), photos, "site", (Picture(title="a", raster="a", style="rgb"),), ())
+    camera = page.cameras[0]
+    assert camera.name == block().names[0] and camera.taken == "2026-05-01T10:00:00"
+    assert np.ptp(np.array(camera.outline), axis=0).min() > 10
+    inside = np.array(camera.outline).mean(axis=0) - np.array(camera.centre[:2])
+    assert np.hypot(*inside) < 30
+    assert viewer_report(page).products[0].path == "products/index.html"
