@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from orthomill.schemas.accuracy.acceptance import Acceptance, NoAcceptance
 from orthomill.schemas.camera import INTERIOR, LensKind, lens_parameters
 from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
@@ -373,6 +374,9 @@ class Project(Settings):
     tolerances: Tolerances = setting(
         Tolerances(),
         "What the survey allows: report and signature say of every product whether it keeps that, and by what evidence.",
+    )
+    acceptance: Acceptance = setting(
+        NoAcceptance(kind="none"), "What a delivery must keep, clause by clause, for `orthomill accept`; a profile with its limits."
     )
     # Multiples of 64: pyramid levels and the blocks of exported GeoTIFFs divide a tile without a rest.
     tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)

@@ -1,9 +1,12 @@
 """The explicit list of stages, in the order in which they stand in a workflow; and what can be done with one photograph or two."""
 
 from orthomill.schemas.stage_contract import Stage
+from orthomill.tasks.accuracy.acceptance.clauses import accepted
+from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
 from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovariance
 from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.stage import AccuracyStage
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
 from orthomill.tasks.calibration.stage import CalibrationStage
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
@@ -28,8 +31,11 @@ from orthomill.tasks.viewer.stage import ViewerStage
 __all__ = [
     "STAGES",
     "StoredCovariance",
+    "SurveyedPoint",
+    "accepted",
     "classical_forms",
     "given_points",
+    "inspected",
     "look_ahead",
     "marker_of",
     "marks_of",
@@ -37,6 +43,7 @@ __all__ = [
     "points_on_surface",
     "share_of",
     "sizing_of",
+    "statement_of",
     "window_size_map",
 ]
 

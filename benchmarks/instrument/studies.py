@@ -86,6 +86,25 @@ _ALL = (
         "RUN [PYTHON]",
     ),
     Study("readme_picture", "readme_picture", "the picture of the README", "seconds", (), RUN, "RUN PICTURE", ()),
+    # what is stated of accuracy
+    Study(
+        "volume_errors",
+        "accuracy.volume_errors",
+        "volumes of random polygons against the standard errors stated for them",
+        "minutes",
+        ("tasks/accuracy",),
+        RUN,
+        "RUN ...: finished runs of simulated towns",
+    ),
+    Study(
+        "stated_classes",
+        "accuracy.stated_classes",
+        "whether accuracies and classes stated from 20 check points hold, and planted errors are named",
+        "minutes",
+        ("tasks/accuracy",),
+        RUN,
+        "RUN ...: finished runs of simulated towns",
+    ),
     # orientation and adjustment
     Study(
         "orientation_real",

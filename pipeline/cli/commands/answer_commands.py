@@ -75,3 +75,55 @@ def covariance(
             out.print(f"{output}: {table.count} covariances", soft_wrap=True)
     if table.missed:
         raise typer.Exit(1)
+
+
+@answers.command()
+def accept(
+    name: Annotated[str | None, typer.Argument(help="A project that has been run; left out for files of another program.")] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="asprs_2023, adv_truedop, inspire_oi, custom, or a YAML file; the project's when left out.")
+    ] = None,
+    dsm: Annotated[Path | None, typer.Option(help="A surface of another program.")] = None,
+    ortho: Annotated[Path | None, typer.Option(help="An orthoimage of another program.")] = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV of check points: name, x, y, z, sigma_x, sigma_y, sigma_z; ortho_x, ortho_y as measured in the image."
+        ),
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="A .json or .html to write besides; a run has both in its folder.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Hold a delivery against what was agreed, clause by clause; exit code 3 where not every clause is met."""
+    from orthomill.pipeline.cli.lookups.delivery import (
+        Delivered,
+        acceptance_lines,
+        acceptance_page,
+        facts_of_files,
+        facts_of_run,
+        profile_of,
+    )
+    from orthomill.pipeline.cli.projects import load_project
+    from orthomill.pipeline.storage.table_files import write_whole
+    from orthomill.schemas.errors import WorkflowError
+    from orthomill.tasks.catalogue import SurveyedPoint, accepted, inspected
+
+    with plain_errors(debug):
+        loaded = load_project(name) if name else None
+        if loaded is None and dsm is None and ortho is None:
+            raise WorkflowError("Give a project that has been run, or files of a delivery with --dsm and --ortho.")
+        limits = profile_of(profile, loaded.project if loaded else None)
+        if loaded:
+            facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
+        else:
+            facts = facts_of_files(Delivered(dsm, ortho, points), inspected, SurveyedPoint)
+            delivery = " and ".join(path.name for path in (dsm, ortho) if path)
+        result = accepted(limits, facts, delivery)
+        files = [loaded.run_folder / f"acceptance.{end}" for end in ("json", "html")] if loaded else []
+        for path in [*files, *([output] if output else [])]:
+            text = acceptance_page(result) if path.suffix == ".html" else result.model_dump_json(indent=1)
+            write_whole(path, text.encode())
+        for line in acceptance_lines(result):
+            out.print(escape(line), soft_wrap=True)
+    if not result.complete:
+        raise typer.Exit(3)

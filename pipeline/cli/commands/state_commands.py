@@ -61,8 +61,10 @@ def verify(name: Name, debug: Debug = False) -> None:
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.cli.verification_lines import verification_lines
     from orthomill.pipeline.records.verification import verify as verify_results
+    from orthomill.pipeline.signing.restatement import restated
     from orthomill.pipeline.signing.signature import check_signature
     from orthomill.pipeline.signing.signature_lines import signature_lines
+    from orthomill.tasks.catalogue import statement_of
 
     with plain_errors(debug):
         folder = load_project(name).run_folder
@@ -70,9 +72,11 @@ def verify(name: Name, debug: Debug = False) -> None:
             raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
         found = verify_results(folder)
         signed = check_signature(folder)
-        for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ())):
+        differs = restated(folder, statement_of)
+        said = (differs,) if differs else ()
+        for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ()), *said):
             out.print(escape(line), soft_wrap=True)
-    if found.damaged or (signed and not signed.holds):
+    if found.damaged or differs or (signed and not signed.holds):
         raise typer.Exit(1)
 
 

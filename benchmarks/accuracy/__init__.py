@@ -1,0 +1,1 @@
+"""Whether what is stated of accuracy holds."""

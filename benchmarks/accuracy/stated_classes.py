@@ -1,0 +1,131 @@
+"""Whether accuracies and classes that are stated from 20 check points hold: many draws of points on a simulated town's surface.
+
+Each draw surveys 20 places with errors of 20 mm, tests the surface there as the stage does, and states; the truth is the root mean
+square of the surface's errors at all such places. Then the same with a dome, a tilt, a shift and a scale planted.
+"""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.instrument.result_page import write_page
+from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, class_of
+from orthomill.schemas.surface import HEIGHT, PRECISION, PROVENANCE
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.accuracy.statement.named_errors import named_errors
+from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
+
+PLACES, DRAWS, POINTS = 3000, 2000, 20
+SURVEY = 0.02
+"""m"""
+DIFFERENCE = "evaluation/dh_before_check"
+
+
+def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (N, 2) m where heights can be tested, their errors (N,) m and what the surface promises (N,) m."""
+    store, grid, rng = Store(Path(run)), RunSurface(Path(run)).grid, np.random.default_rng(1)
+    places, errors, promised = [], [], []
+    for _ in range(PLACES):
+        row, col = rng.integers(8, grid.rows - 8), rng.integers(8, grid.cols - 8)
+        # Just beside a cell's centre, where the truth of that cell holds.
+        x, y = grid.west + (col + 0.501) * grid.cell, grid.north - (row + 0.501) * grid.cell
+        window = cells_around(grid, x, y).clipped(grid.shape)
+        parts = (store.read(name, window) for name in (HEIGHT, PRECISION, PROVENANCE))
+        found = height_at(CellsAround(grid, window, *parts), x, y, 0.1)
+        error = float(store.read(DIFFERENCE, window)[row - window.row, col - window.col])
+        if found.tested and math.isfinite(error):
+            places.append((x, y))
+            errors.append(error)
+            promised.append(found.sigma)
+    return np.array(places), np.array(errors), np.array(promised)
+
+
+def drawn(errors: np.ndarray, rng: np.random.Generator) -> AccuracyFigure:
+    """What 20 surveyed points state."""
+    chosen = rng.choice(len(errors), POINTS, replace=False)
+    found = accuracy_of("nva", (errors[chosen] - rng.normal(0, SURVEY, POINTS))[:, None], np.full((POINTS, 1), SURVEY), None, 1.0)
+    assert found
+    return found
+
+
+def share(values: list[bool]) -> str:
+    """In percent."""
+    return f"{100 * float(np.mean(values)):.1f}"
+
+
+def statement_row(name: str, errors: np.ndarray) -> str:
+    """Many statements against the truth."""
+    rng = np.random.default_rng(2)
+    # The standard adds the survey's error to what is found, in which it is already once.
+    truth = math.sqrt(float((errors**2).mean()) + 2 * SURVEY**2)
+    found = [drawn(errors, rng) for _ in range(DRAWS)]
+    held = [one.low <= truth <= (one.high or math.inf) for one in found]
+    ranged = [class_of(one.low) <= class_of(truth) <= (one.proved_cm or math.inf) for one in found]
+    better = [(one.proved_cm or math.inf) < class_of(truth) for one in found]
+    plain = [one.class_cm < class_of(truth) for one in found]
+    right = [one.class_cm == class_of(truth) for one in found]
+    return f"| {name} | {1000 * truth:.0f} | {share(held)} | {share(ranged)} | {share(better)} | {share(right)} | {share(plain)} |"
+
+
+def planted(places: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Errors in height (N,) and in plan (N, 2), m, by name."""
+    unit = (places - places.mean(axis=0)) / (np.ptp(places, axis=0).max() / 2)
+    none, flat = np.zeros(len(places)), np.zeros(places.shape)
+    return {
+        "dome": (-1.3 * (unit**2).sum(axis=1), flat),
+        "tilt": (0.5 * unit[:, 0], flat),
+        "shift_up": (none + 0.3, flat),
+        "shift_plan": (none, flat + 0.3),
+        "scale": (none, 5e-4 * (places - places.mean(axis=0))),
+        "none": (none, flat),
+    }
+
+
+def named_row(kind: str, places: np.ndarray, errors: np.ndarray, wrong: tuple[np.ndarray, np.ndarray]) -> str:
+    """How often the largest error that is named is the planted one."""
+    rng, first = np.random.default_rng(3), []
+    for _ in range(300):
+        chosen = rng.choice(len(places), POINTS, replace=False)
+        height = errors[chosen] + wrong[0][chosen] - rng.normal(0, SURVEY, POINTS)
+        plan = wrong[1][chosen] - rng.normal(0, SURVEY, (POINTS, 2))
+        named = named_errors(places[chosen], height, plan)
+        first.append(named[0].kind if named else "none")
+    return f"| {kind} | {share([one == kind for one in first])} | {', '.join(sorted(set(first)))} |"
+
+
+_HEAD = (
+    "| surface | truth by the standard mm | interval holds truth (%) | class range holds truth (%) | proved class better (%) "
+    "| plain class right (%) | plain class better (%) |"
+)
+
+
+def main(words: list[str]) -> None:
+    """The page."""
+    lines = ["# Accuracies and classes stated from 20 check points", "", _HEAD, "| --- | --- | --- | --- | --- | --- | --- |"]
+    names: list[str] = []
+    for run in words or ["runs/volos"]:
+        places, errors, promised = tested_places(run)
+        ratio, name = math.sqrt(float(((errors / promised) ** 2).mean())), Path(run).name
+        lines.append(statement_row(f"{name} ({len(places)} places; errors {ratio:.2f} of promised)", errors))
+        lines.append(statement_row(f"{name} domed by 1.3 m", errors + planted(places)["dome"][0]))
+        names += [named_row(kind, places, errors, wrong) for kind, wrong in planted(places).items()]
+    lines += [
+        "",
+        f"{DRAWS} draws of {POINTS} points surveyed to {1000 * SURVEY:.0f} mm, on ground where heights are tested. Class range:",
+        "from the class of the interval's lower end to the proved class. Plain class: by the standard's formula alone.",
+        "",
+        "## Planted errors, 300 draws each",
+        "",
+        "| planted | named first (%) | names that occurred |",
+        "| --- | --- | --- |",
+        *names,
+    ]
+    write_page("stated_classes", words, "\n".join(lines))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

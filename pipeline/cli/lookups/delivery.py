@@ -1,0 +1,161 @@
+"""`orthomill accept`: the facts of a delivery, of a finished run or of files from another program, and its clauses."""
+
+import csv
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
+from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
+from orthomill.pipeline.storage.store import Store
+from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
+from orthomill.schemas.accuracy.acceptance import Acceptance, AcceptanceLimits, AcceptanceResult, DeliveryFacts, NoAcceptance
+from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.job import HeightFile, HeightHeader
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import Project
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import MEASURED, PROVENANCE
+
+Accept = Callable[[AcceptanceLimits, DeliveryFacts, str], AcceptanceResult]
+Inspect = Callable[..., AccuracyStatement]
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """Files of a delivery of another program."""
+
+    dsm: Path | None
+    ortho: Path | None
+    points: Path | None
+
+
+def profile_of(name: str | None, project: Project | None) -> AcceptanceLimits:
+    """A profile by name, a YAML file with one, or the one of the project. Raises WorkflowError."""
+    if name is None:
+        if project is None or isinstance(project.acceptance, NoAcceptance):
+            raise WorkflowError(
+                "No profile: write acceptance: {kind: asprs_2023, plan: 0.05, height: 0.05} into the workflow, or give --profile."
+            )
+        return project.acceptance
+    try:
+        given: Any = read_yaml(Path(name).read_text(encoding="utf-8")).value if Path(name).is_file() else {"kind": name}
+        found = TypeAdapter(Acceptance).validate_python(given)
+    except YamlError as error:
+        raise WorkflowError(f"{name}, line {error.line}: {error.sentence}") from error
+    except ValidationError as error:
+        told = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'kind'}: {e['msg']}" for e in error.errors())
+        raise WorkflowError(
+            f"--profile {name}: {told}. Profiles are asprs_2023, adv_truedop, inspire_oi, custom, or a YAML file of one."
+        ) from error
+    agreed = project.acceptance if project else found
+    # The project's own numbers, where it has this profile.
+    chosen = agreed if agreed.kind == found.kind else found
+    if isinstance(chosen, NoAcceptance):
+        raise WorkflowError("The profile 'none' asks for nothing; choose asprs_2023, adv_truedop, inspire_oi or custom.")
+    return chosen
+
+
+def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
+    """What a finished run delivers."""
+    store, ortho = Store(folder), folder / "products" / "ortho.tif"
+    picture = orthoimage_facts(ortho) if ortho.exists() else None
+    times = sorted(photo.time for photo in store.table(PHOTOS).photos if photo.time) if store.has_table(PHOTOS) else []
+    return DeliveryFacts(
+        statement=store.table(STATEMENT) if store.has_table(STATEMENT) else AccuracyStatement(),
+        pixel=picture.pixel if picture else None,
+        voids=picture.voids if picture else None,
+        clipped=picture.clipped if picture else None,
+        estimated=_estimated(store),
+        seams=_seams(folder),
+        first_day=times[0][:10] if times else None,
+        last_day=times[-1][:10] if times else None,
+        crs=crs,
+    )
+
+
+def _estimated(store: Store) -> float | None:
+    if not store.has(PROVENANCE):
+        return None
+    spec, known, guessed = store.spec(PROVENANCE), 0, 0
+    for row in range(0, spec.shape[0], spec.chunk):
+        window = Window(row, 0, spec.chunk, spec.shape[1]).clipped(spec.shape)
+        codes = store.read(PROVENANCE, window)
+        known += int((codes > 0).sum())
+        guessed += int(((codes > 0) & ~np.isin(codes, MEASURED)).sum())
+    return 100.0 * guessed / known if known else None
+
+
+def _seams(folder: Path) -> float | None:
+    path = folder / "summary.json"
+    value = json.loads(path.read_text()).get("texture.seam_difference", {}).get("value") if path.exists() else None
+    return float(value) if value is not None else None
+
+
+def facts_of_files(delivered: Delivered, inspect: Inspect, make_point: Callable[..., Any]) -> DeliveryFacts:
+    """What files of another program deliver. Raises WorkflowError for what cannot be read."""
+    picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
+    grid, heights, crs = _surface(delivered.dsm)
+    points = tuple(_points(delivered.points, make_point)) if delivered.points else ()
+    statement = inspect(points, grid, heights, picture.pixel if picture else 0.0) if points else AccuracyStatement()
+    return DeliveryFacts(
+        statement=statement,
+        pixel=picture.pixel if picture else None,
+        voids=picture.voids if picture else None,
+        clipped=picture.clipped if picture else None,
+        crs=crs or (picture.crs if picture else ""),
+    )
+
+
+def _surface(path: Path | None) -> tuple[MapGrid | None, Callable[[MapGrid, Window], np.ndarray] | None, str]:
+    if path is None:
+        return None, None, ""
+    check_height_file(path)
+    crs = plan_crs_of(path)
+    if crs is None:
+        raise WorkflowError(f"{path} is in no projected system in metres; warp it into one (gdalwarp -t_srs).")
+    grid = read_height_grid(path, HeightHeader(str(path), crs))
+    return grid, lambda cells, window: read_heights(path, HeightFile(str(path), crs, cells, window)), crs
+
+
+def _points(path: Path, make_point: Callable[..., Any]) -> Iterator[Any]:
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
+        for row in rows:
+            xyz = tuple(float(row[key]) for key in ("x", "y", "z"))
+            sigma = tuple(float(row.get(key) or 0.0) for key in ("sigma_x", "sigma_y", "sigma_z"))
+            place = (float(row["ortho_x"]), float(row["ortho_y"])) if row.get("ortho_x") and row.get("ortho_y") else None
+            yield make_point(row["name"], xyz, sigma, place)
+    except (OSError, UnicodeDecodeError, KeyError, ValueError, TypeError) as error:
+        raise WorkflowError(
+            f"{path} cannot be read ({error}): the points are a CSV with the columns name, x, y, z, sigma_x, sigma_y, sigma_z and, "
+            "where they were measured in the orthoimage, ortho_x, ortho_y."
+        ) from error
+
+
+def acceptance_lines(result: AcceptanceResult) -> Iterator[str]:
+    """One line for each clause, the verdict last."""
+    for clause in result.clauses:
+        yield f"{clause.outcome:13} {clause.clause}: {clause.found} (limit: {clause.limit})"
+    yield result.sentence
+
+
+_STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}td,th{text-align:left;padding:.3em 1em .3em 0}"
+
+
+def acceptance_page(result: AcceptanceResult) -> str:
+    """The same as one HTML page without network."""
+    cells = ((c.outcome, c.clause, c.found, c.limit) for c in result.clauses)
+    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
+    return (
+        f"<!doctype html><meta charset='utf-8'><title>Acceptance</title><style>{_STYLE}</style>"
+        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b></p>"
+        f"<table><tr><th>outcome</th><th>clause</th><th>found</th><th>limit</th></tr>{rows}</table>"
+    )

@@ -1,0 +1,131 @@
+"""What a delivery must keep: profiles of acceptance as settings, and the clauses that come of them.
+
+Every limit is a setting; a profile is a set of defaults, so that a client's own numbers replace those of the standard. A limit of
+null is not asked for.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.settings import Settings, setting
+
+Outcome3 = Literal["met", "missed", "not testable"]
+
+
+class AcceptanceLimits(Settings):
+    """The limits that all profiles share."""
+
+    plan: float | None = setting(None, "Root mean square error in plan (radial), survey included, at most.", "m", gt=0)
+    plan_pixels: float | None = setting(None, "The same in pixels of the orthoimage.", "px", gt=0)
+    height: float | None = setting(None, "Root mean square error in height on open ground, survey included, at most.", "m", gt=0)
+    points: int = setting(0, "Check points at least at which each product is tested.", ge=0)
+    survey_share: float | None = setting(
+        None, "Largest share of the survey's own error in the accuracy that is asked for; 0.5: twice as accurate.", gt=0, le=1
+    )
+    pixel: float | None = setting(None, "Pixel of the orthoimage at most.", "m", gt=0)
+    voids: float | None = setting(None, "Pixels without colour inside the outline of the orthoimage, at most.", "%", ge=0, le=100)
+    estimated: float | None = setting(None, "Heights that are estimated instead of measured, at most.", "%", ge=0, le=100)
+    clipped: float | None = setting(None, "Pixels of which a colour is quite black or quite white, at most.", "%", ge=0, le=100)
+    seams: float | None = setting(None, "Mean difference of the colours of photographs at one place, at most.", "grey levels", gt=0)
+    earliest: str | None = setting(None, "Photographs taken on this day or later, as 2026-05-31.", pattern=r"^\d{4}-\d\d-\d\d$")
+    latest: str | None = setting(None, "Photographs taken on this day or before.", pattern=r"^\d{4}-\d\d-\d\d$")
+    heights_named: bool = setting(False, "Whether the reference system must name what heights refer to.")
+
+
+class NoAcceptance(Settings):
+    """Nothing was agreed."""
+
+    kind: Literal["none"]
+
+
+class AsprsAcceptance(AcceptanceLimits):
+    """ASPRS Positional Accuracy Standards, edition 2 (2023): 30 check points, surveyed twice as accurately as what is asked for.
+    The classes are given as `plan` and `height`, m."""
+
+    kind: Literal["asprs_2023"]
+    points: int = setting(30, "Check points at least at which each product is tested.", ge=0)
+    survey_share: float | None = setting(0.5, "Largest share of the survey's own error in the accuracy asked for.", gt=0, le=1)
+
+
+class AdvAcceptance(AcceptanceLimits):
+    """AdV, product standard of digital orthophotos (DOP20, TrueDOP): pixels of 20 cm, 40 cm in plan, no gaps."""
+
+    kind: Literal["adv_truedop"]
+    pixel: float | None = setting(0.2, "Pixel of the orthoimage at most.", "m", gt=0)
+    plan: float | None = setting(0.4, "Root mean square error in plan (radial), survey included, at most.", "m", gt=0)
+    voids: float | None = setting(0.0, "Pixels without colour inside the outline of the orthoimage, at most.", "%", ge=0, le=100)
+
+
+class InspireAcceptance(AcceptanceLimits):
+    """INSPIRE, data specification on orthoimagery (D2.8.II.3): no more than two pixels in plan."""
+
+    kind: Literal["inspire_oi"]
+    plan_pixels: float | None = setting(2.0, "Root mean square error in plan in pixels of the orthoimage, at most.", "px", gt=0)
+
+
+class CustomAcceptance(AcceptanceLimits):
+    """A client's own limits."""
+
+    kind: Literal["custom"]
+
+
+Acceptance = Annotated[
+    NoAcceptance | AsprsAcceptance | AdvAcceptance | InspireAcceptance | CustomAcceptance, Field(discriminator="kind")
+]
+
+
+@dataclass(frozen=True)
+class DeliveryFacts:
+    """What is known of a delivery; None: nobody can tell."""
+
+    statement: AccuracyStatement = field(default_factory=AccuracyStatement)
+    pixel: float | None = None
+    """m, of the orthoimage"""
+    voids: float | None = None
+    estimated: float | None = None
+    clipped: float | None = None
+    """%"""
+    seams: float | None = None
+    """grey levels"""
+    first_day: str | None = None
+    last_day: str | None = None
+    """of the photographs, ISO 8601"""
+    crs: str = ""
+
+
+class Clause(BaseModel):
+    """One clause with what was asked for and what was found."""
+
+    model_config = ConfigDict(frozen=True)
+
+    clause: str
+    found: str
+    limit: str
+    outcome: Outcome3
+
+
+class AcceptanceResult(BaseModel):
+    """All clauses of a profile."""
+
+    model_config = ConfigDict(frozen=True)
+
+    profile: str
+    delivery: str
+    clauses: tuple[Clause, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether each clause is met: one that cannot be tested is not."""
+        return bool(self.clauses) and all(clause.outcome == "met" for clause in self.clauses)
+
+    @property
+    def sentence(self) -> str:
+        """The verdict."""
+        if self.complete:
+            return f"{self.delivery} keeps all {len(self.clauses)} clauses of {self.profile}."
+        missed, untested = (sum(c.outcome == outcome for c in self.clauses) for outcome in ("missed", "not testable"))
+        of = f"{missed} of {len(self.clauses)} clauses missed, {untested} not testable"
+        return f"{self.delivery} is not complete by {self.profile}: {of}."

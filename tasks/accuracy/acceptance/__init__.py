@@ -1,0 +1,1 @@
+"""Deliveries held against what was agreed: clause by clause."""

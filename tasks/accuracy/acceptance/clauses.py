@@ -1,0 +1,78 @@
+"""The clauses of a profile beside the facts of a delivery.
+
+A clause about accuracy is met when the accuracy found keeps the limit; without enough check points it is not testable, however
+small the promised errors are.
+"""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.accuracy.acceptance import AcceptanceLimits, AcceptanceResult, Clause, DeliveryFacts, Outcome3
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure
+
+_UNTESTED = "not tested at independent points"
+
+
+def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> AcceptanceResult:
+    """Every clause that the profile asks for."""
+    return AcceptanceResult(profile=getattr(profile, "kind", "custom"), delivery=delivery, clauses=tuple(_clauses(profile, facts)))
+
+
+def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:
+    wanted = profile.plan or (profile.plan_pixels * facts.pixel if profile.plan_pixels and facts.pixel else None)
+    for kind, words, limit in (("horizontal", "plan", wanted), ("nva", "height", profile.height)):
+        if limit is not None:
+            yield from _accuracy(facts.statement.of(kind), words, limit, profile)  # type: ignore[arg-type]
+    if profile.plan_pixels and not facts.pixel:
+        yield Clause(clause="accuracy in plan", found="no orthoimage", limit=f"{profile.plan_pixels:g} px", outcome="not testable")
+    for words, found, limit, unit in (
+        ("pixel of the orthoimage", facts.pixel, profile.pixel, "m"),
+        ("voids", facts.voids, profile.voids, "%"),
+        ("estimated heights", facts.estimated, profile.estimated, "%"),
+        ("clipped colours", facts.clipped, profile.clipped, "%"),
+        ("differences of colours", facts.seams, profile.seams, "grey levels"),
+    ):
+        if limit is not None:
+            yield _at_most(words, found, limit, unit)
+    yield from _days(profile, facts)
+    if profile.heights_named:
+        named = "+" in facts.crs
+        yield Clause(clause="heights named", found=facts.crs or "no system", limit="a vertical system", outcome=_met(named))
+
+
+def _accuracy(figure: AccuracyFigure | None, words: str, limit: float, profile: AcceptanceLimits) -> Iterator[Clause]:
+    if figure is None:
+        yield Clause(clause=f"accuracy in {words}", found=_UNTESTED, limit=f"{limit:.3f} m", outcome="not testable")
+    else:
+        upper = "" if figure.high is None else f", 95 %: {figure.low:.3f} to {figure.high:.3f} m"
+        found = f"{figure.rmse:.3f} m{upper}"
+        yield Clause(clause=f"accuracy in {words}", found=found, limit=f"{limit:.3f} m", outcome=_met(figure.rmse <= limit))
+    if profile.points:
+        count = figure.points if figure else 0
+        clause, enough = f"check points for {words}", count >= profile.points
+        yield Clause(clause=clause, found=str(count), limit=f"{profile.points} or more", outcome=_met(enough))
+    if profile.survey_share is not None:
+        most = profile.survey_share * limit
+        clause = f"survey of the check points in {words}"
+        outcome: Outcome3 = "not testable" if figure is None else _met(figure.survey <= most)
+        yield Clause(clause=clause, found=f"{figure.survey:.3f} m" if figure else _UNTESTED, limit=f"{most:.3f} m", outcome=outcome)
+
+
+def _at_most(words: str, found: float | None, limit: float, unit: str) -> Clause:
+    if found is None:
+        return Clause(clause=words, found="not known", limit=f"{limit:g} {unit}", outcome="not testable")
+    # Float32 of rasters: 0.2 m must not be more than 0.2 m.
+    return Clause(clause=words, found=f"{found:.4g} {unit}", limit=f"{limit:g} {unit}", outcome=_met(found <= limit * (1 + 1e-6)))
+
+
+def _days(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:
+    for words, limit, day, kept in (
+        ("first photograph", profile.earliest, facts.first_day, lambda day, limit: day >= limit),
+        ("last photograph", profile.latest, facts.last_day, lambda day, limit: day <= limit),
+    ):
+        if limit is not None:
+            outcome: Outcome3 = "not testable" if day is None else _met(kept(day[:10], limit))
+            yield Clause(clause=words, found=day or "no times", limit=limit, outcome=outcome)
+
+
+def _met(kept: bool) -> Outcome3:
+    return "met" if kept else "missed"

@@ -1,0 +1,45 @@
+"""Products of whatever program at surveyed points: heights where the ground is flat, and places that somebody measured in the
+orthoimage."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.point_tests import TESTED, PlaceTest, PointTest, PointTests
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
+
+STEEPEST = 0.1
+Heights = Callable[[MapGrid, Window], np.ndarray]
+"""a window of heights (rows, cols) m, NaN where there are none"""
+
+
+@dataclass(frozen=True)
+class SurveyedPoint:
+    """A point of the inspector: X, Y, Z and standard errors, m; its place in the orthoimage, where somebody measured it."""
+
+    name: str
+    xyz: tuple[float, float, float]
+    sigma: tuple[float, float, float]
+    place: tuple[float, float] | None = None
+
+
+def inspected(points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: Heights | None, pixel: float) -> AccuracyStatement:
+    """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs."""
+    tests = []
+    for point in points:
+        place = point.place and PlaceTest(reason=TESTED, place=point.place, sigma=(pixel / 2, pixel / 2), photos=0)
+        height = None
+        if grid is not None and heights is not None:
+            window = cells_around(grid, *point.xyz[:2]).clipped(grid.shape)
+            values = heights(grid, window) if not window.empty else np.zeros((0, 0))
+            height = height_at(CellsAround(grid, window, values, np.zeros(values.shape)), *point.xyz[:2], STEEPEST)
+        tests.append(PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place))
+    area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
+    found = statement_of(PointTests(points=tuple(tests), area_km2=area))
+    # A surface of another program promises nothing: only the survey's errors would stand in the comparison.
+    figures = tuple(figure.model_copy(update={"promised": None}) for figure in found.figures)
+    return found.model_copy(update={"figures": figures})

@@ -1,0 +1,73 @@
+"""Deliveries against profiles: every clause met, missed or not testable."""
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from orthomill.schemas.accuracy.acceptance import Acceptance, DeliveryFacts
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.raster import MapGrid
+from orthomill.tasks.accuracy.acceptance.clauses import accepted
+from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
+from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
+
+
+def profile(**given):
+    return TypeAdapter(Acceptance).validate_python(given)
+
+
+def stated(rmse, points=30, survey=0.01):
+    figures = [
+        accuracy_of(kind, np.full((points, width), rmse / np.sqrt(width)), np.full((points, width), survey), None, 1.0)
+        for kind, width in (("horizontal", 2), ("nva", 1))
+    ]
+    return DeliveryFacts(
+        statement=AccuracyStatement(figures=tuple(figures)), pixel=0.1, voids=0.0, clipped=0.2, crs="EPSG:25832+7837"
+    )
+
+
+def outcomes(result):
+    return {clause.clause: clause.outcome for clause in result.clauses}
+
+
+def test_a_delivery_that_keeps_everything_is_complete():
+    result = accepted(profile(kind="asprs_2023", plan=0.1, height=0.1, clipped=1.0, heights_named=True), stated(0.05), "it")
+    assert result.complete and set(outcomes(result).values()) == {"met"}
+    assert "keeps all" in result.sentence
+
+
+@pytest.mark.parametrize(
+    ("facts", "clause", "outcome"),
+    [
+        (stated(0.2), "accuracy in plan", "missed"),
+        (stated(0.05, points=20), "check points for height", "missed"),
+        (stated(0.05, survey=0.06), "survey of the check points in height", "missed"),
+        (DeliveryFacts(), "accuracy in height", "not testable"),
+        (DeliveryFacts(), "pixel of the orthoimage", "not testable"),
+    ],
+)
+def test_one_clause_that_is_not_met_makes_it_incomplete(facts, clause, outcome):
+    result = accepted(profile(kind="asprs_2023", plan=0.1, height=0.1, pixel=0.2), facts, "it")
+    assert outcomes(result)[clause] == outcome and not result.complete
+    assert "not complete" in result.sentence
+
+
+def test_profiles_have_their_own_limits():
+    adv = outcomes(accepted(profile(kind="adv_truedop"), stated(0.05), "it"))
+    assert adv == {"accuracy in plan": "met", "pixel of the orthoimage": "met", "voids": "met"}
+    inspire = accepted(profile(kind="inspire_oi"), stated(0.21), "it")
+    assert outcomes(inspire) == {"accuracy in plan": "missed"} and inspire.clauses[0].limit == "0.200 m"
+    with pytest.raises(ValidationError):
+        profile(kind="asprs_2023", plan=-1)
+
+
+def test_products_of_another_program_are_inspected():
+    grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
+    rng = np.random.default_rng(0)
+    points = tuple(
+        SurveyedPoint(f"P{i}", (x, y, 10.0), (0.01, 0.01, 0.01), (x + 0.1, y))
+        for i, (x, y) in enumerate(rng.uniform(20, 80, (9, 2)))
+    )
+    found = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1)
+    assert found.of("nva").fit == pytest.approx(0.2) and found.of("horizontal").fit == pytest.approx(0.1)
+    assert found.of("nva").promised is None
