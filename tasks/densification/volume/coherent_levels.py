@@ -50,6 +50,7 @@ class ShownHeights(NamedTuple):
 class LevelWindows:
     """The windows of the levels, the finest first, from which the heights of a window of the finest follow."""
 
+    window: Window
     read: tuple[Window, ...]
     """what is smoothed: those that are made, with a cell more around them"""
     made: tuple[Window, ...]
@@ -69,7 +70,7 @@ class LevelWindows:
         levels = len(shapes) - _CLOSING
         spare = [1] * (levels - 1) + [_SCATTER]
         read = tuple(here.grown(more).clipped(shape) for here, more, shape in zip(made, spare, shapes, strict=False))
-        return cls(read, tuple(made))
+        return cls(window, read, tuple(made))
 
 
 def shown_heights(
@@ -87,7 +88,9 @@ def shown_heights(
     whole = _closed(layers[-1], windows.made[len(layers) - 1 :])
     for level in range(len(layers) - 2, -1, -1):
         whole = _over(layers[level], whole, windows.made[level], windows.made[level + 1])
-    share, weight, height, level, scatter = whole
+    # A volume of one level closes its gaps over more than the window.
+    own = windows.window.within(windows.made[0]).slices
+    share, weight, height, level, scatter = whole[(slice(None), *own)]
     rest = 1 - share
     height = (height + _TIES * rest * terrain) / (weight + _TIES * rest)
     shown = share >= SHOWN

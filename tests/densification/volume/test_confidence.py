@@ -145,6 +145,20 @@ def test_what_no_level_shows_is_never_better_than_a_crown_is_deep():
     assert standard_errors(still.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP) == pytest.approx(2.0, rel=0.03)
 
 
+def test_a_volume_of_one_level_gives_way_to_the_tie_points_within_any_window():
+    window, chance = Window(20, 30, 30, 40), np.random.default_rng(2).uniform(-40, 60, SHAPE).astype(np.float32)
+    tile = JudgedTile.of(window, [SHAPE], TERRAIN_SHAPE)
+    found = judged(
+        tile,
+        ConfidenceLimits(),
+        chance[tile.around.slices],
+        quality(0.2)[tile.around.slices],
+        np.full(tile.places.shape, 3.0),
+        STEP,
+    )
+    assert found.height.shape == window.shape and found.height == pytest.approx(3)
+
+
 def test_a_gap_is_closed_from_what_is_shown_around_it():
     bands = [quality(0.9, shape=shape) for shape in SHAPES[1:]]
     bands[0][..., Band.COHERENCE] = 10
