@@ -11,7 +11,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.interior import FixedInterior, FreeInterior, WeightedInterior
-from orthomill.tasks.orientation.report import report
+from orthomill.tasks.orientation.report.block_report import report
 
 
 def test_two_strips_are_oriented_within_their_standard_errors(volos_like):

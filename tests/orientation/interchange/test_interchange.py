@@ -23,7 +23,7 @@ from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, file_view, upright_block
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
-from orthomill.tasks.orientation.report import report
+from orthomill.tasks.orientation.report.block_report import report
 from orthomill.tasks.orientation.results.products import block_products
 from orthomill.tasks.orientation.start.georeference import own_system
 

@@ -16,7 +16,7 @@ from orthomill.schemas.orientation import (
     RelativeOrientations,
 )
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_facts import Facts
 
 CAMERA = Camera(name="cam", width=1000, height=1000, c=1000.0, pixel_um=5.0, source="given")
 SIGMA = (0.3, 0.4, 0.2, 1e-4, 1e-4, 1e-4)

@@ -6,7 +6,8 @@ import pytest
 
 from orthomill.schemas.findings.datum_findings import NoDatum
 from orthomill.schemas.orientation import GroundResidual
-from orthomill.tasks.orientation.reporting.block_answers import accuracy, block_lengths, block_verdict, length
+from orthomill.tasks.orientation.examined.block_numbers import accuracy
+from orthomill.tasks.orientation.report.block_answers import block_lengths, block_verdict, length
 
 
 def residual(difference, predicted=(0.1, 0.1, 0.1)):

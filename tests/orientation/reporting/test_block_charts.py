@@ -7,16 +7,10 @@ import pytest
 
 from orthomill.schemas.orientation import GroundResiduals
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.orientation.reporting.block_charts import ARROWS_SHOWN, PHOTOS_SHOWN, block_charts
-from orthomill.tasks.orientation.reporting.overlap_map import (
-    CENTRE,
-    OUTLINE,
-    SIDE,
-    _ground_map,
-    outline,
-    overlap_map,
-    overlap_picture,
-)
+from orthomill.tasks.orientation.examined.overlap_map import CENTRE, OUTLINE, SIDE, _ground_map, outline, overlap_map
+from orthomill.tasks.orientation.examined.residual_places import ARROWS_SHOWN, PHOTOS_SHOWN
+from orthomill.tasks.orientation.report.block_charts import block_charts
+from orthomill.tasks.orientation.report.overlap_picture import overlap_picture
 
 
 def chart(facts, title):

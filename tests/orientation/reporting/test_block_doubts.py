@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 from orthomill.schemas.findings.camera_findings import ConstantContradicted
 from orthomill.schemas.findings.datum_findings import AxesExchanged, NoDatum
-from orthomill.tasks.orientation.reporting.block_doubts import GRAVE, block_doubts
+from orthomill.tasks.orientation.report.block_doubts import GRAVE, block_doubts
 
 
 def test_every_grave_finding_has_a_sentence():

@@ -8,9 +8,10 @@ import pytest
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.orientation import GroundResidual, GroundResiduals
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.orientation.reporting.block_facts import filled_areas
-from orthomill.tasks.orientation.reporting.block_figures import block_figures, exterior_sigmas
-from orthomill.tasks.orientation.reporting.photographed_surface import coverage
+from orthomill.tasks.orientation.examined.block_facts import filled_areas
+from orthomill.tasks.orientation.examined.block_numbers import exterior_sigmas
+from orthomill.tasks.orientation.examined.photographed_surface import coverage
+from orthomill.tasks.orientation.report.block_figures import block_figures
 
 
 def values(facts):

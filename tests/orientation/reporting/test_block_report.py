@@ -9,8 +9,8 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual
 from orthomill.schemas.stage_report import Topic
 from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.orientation.report import report
-from orthomill.tasks.orientation.reporting.overlap_map import CENTRE, MOST, OUTLINE, SIDE, outline, overlap_map
+from orthomill.tasks.orientation.examined.overlap_map import CENTRE, MOST, OUTLINE, SIDE, outline, overlap_map
+from orthomill.tasks.orientation.report.block_report import report
 
 
 def page(block, result, control=None):

@@ -15,9 +15,10 @@ from orthomill.schemas.orientation import (
     RelativeOrientations,
     Unoriented,
 )
-from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
-from orthomill.tasks.orientation.reporting.camera_tables import camera_grids, interior_sigmas
-from orthomill.tasks.orientation.reporting.photograph_tables import photograph_grids
+from orthomill.tasks.orientation.examined.block_numbers import interior_sigmas
+from orthomill.tasks.orientation.report.adjustment_tables import adjustment_grids, ground_grids
+from orthomill.tasks.orientation.report.camera_tables import camera_grids
+from orthomill.tasks.orientation.report.photograph_tables import photograph_grids
 
 
 def columns(grid):

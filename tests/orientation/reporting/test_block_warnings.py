@@ -13,9 +13,9 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import GroundResiduals, ObservationGroup, ParameterCorrelation, Unoriented
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
-from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
-from orthomill.tasks.orientation.reporting.block_figures import block_figures
-from orthomill.tasks.orientation.reporting.block_warnings import block_warnings
+from orthomill.tasks.orientation.report.block_doubts import block_doubts
+from orthomill.tasks.orientation.report.block_figures import block_figures
+from orthomill.tasks.orientation.report.block_warnings import block_warnings
 
 
 def told(facts):

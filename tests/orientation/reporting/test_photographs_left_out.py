@@ -1,7 +1,7 @@
 """Sentences about photographs that joined no block."""
 
 from orthomill.schemas.orientation import Unoriented
-from orthomill.tasks.orientation.reporting.photographs_left_out import left_out_sentences
+from orthomill.tasks.orientation.report.photographs_left_out import left_out_sentences
 
 
 def reasons(*pairs):

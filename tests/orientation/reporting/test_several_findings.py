@@ -3,7 +3,7 @@
 import pytest
 
 from orthomill.schemas.findings import block_findings as f
-from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
+from orthomill.tasks.orientation.report.several_findings import finding_sentences
 
 ONE, TWO, THREE = "one", "two", "three"
 

@@ -1,8 +1,7 @@
 """What is poorly known about the cameras of a block, in plain words; of many cameras in one sentence with a list."""
 
 from collections.abc import Iterator
-
-import numpy as np
+from math import sqrt
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import some_of
@@ -10,7 +9,7 @@ from orthomill.schemas.findings.camera_findings import ConstantContradicted, Int
 from orthomill.schemas.orientation import ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import is_guessed
 from orthomill.tasks.geometry.camera_change import sensor_name
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_facts import Facts
 
 CHANGED = 0.06
 """A camera constant that changes by more of itself: twice what EXIF is usually wrong by"""
@@ -119,4 +118,4 @@ def _changed(facts: Facts, cameras: dict[str, tuple[Camera, Camera]]) -> Iterato
 
 def _is_sure(camera: Camera) -> bool:
     """Whether the block itself determines the camera constant."""
-    return camera.covariance is not None and bool(np.sqrt(camera.covariance[0][0]) < SURE * camera.c)
+    return camera.covariance is not None and sqrt(camera.covariance[0][0]) < SURE * camera.c

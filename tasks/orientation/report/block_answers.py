@@ -5,15 +5,12 @@ Digital Geospatial Data (2014, annex B; edition 2, 2023): 1 for the most accurat
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-
-import numpy as np
 
 from orthomill.schemas.findings.datum_findings import NoDatum
-from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_numbers import Accuracy, accuracy, ground_pixel, point_sigmas
 
 CLASSES = ((1.0, "the most accurate mapping (1 pixel)"), (2.0, "standard mapping (2 pixels)"), (3.0, "visualisation (3 pixels)"))
 """Limit in ground pixels, and what differences below it are good enough for."""
@@ -31,43 +28,6 @@ PRODUCTS = (
 )
 
 
-@dataclass(frozen=True)
-class Accuracy:
-    """Root mean square differences at the check points, m, and in units of their predicted standard errors."""
-
-    points: int
-    plan: float
-    height: float
-    by_predicted: float
-
-
-def accuracy(points: tuple[GroundResidual, ...]) -> Accuracy | None:
-    """The accuracy at check points; None without any."""
-    if not points:
-        return None
-    difference, predicted = np.array([p.difference for p in points]), np.array([p.predicted for p in points])
-    plan, height = np.sqrt((difference[:, :2] ** 2).sum(axis=1).mean()), np.sqrt((difference[:, 2] ** 2).mean())
-    # The floor keeps points without redundancy (predicted 0, difference 0) finite.
-    ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
-    return Accuracy(len(points), float(plan), float(height), float(ratio))
-
-
-def ground_pixel(facts: Facts) -> float | None:
-    """Side of a photograph's pixel on the ground, m: the median over the block, below or before the projection centres."""
-    if not len(facts.points) or not facts.block.photos:
-        return None
-    ground = np.array([np.median(facts.points.x), np.median(facts.points.y), np.median(facts.points.z)])
-    distance = [min(np.linalg.norm(np.array(photo.centre) - ground), _height(photo.centre, ground)) for photo in facts.block.photos]
-    constants = [facts.block.camera_of(photo.photo).c for photo in facts.block.photos]
-    return float(np.median(np.array(distance) / np.array(constants)))
-
-
-def _height(centre: tuple[float, float, float], ground: np.ndarray) -> float:
-    # Far photographs of a long block are not farther from the ground: their height above it counts, unless they look sideways.
-    above = centre[2] - ground[2]
-    return float(above) if above > 0 else float("inf")
-
-
 def block_answers(facts: Facts) -> Iterator[Answer]:
     """What the orientation answers to a client's questions."""
     used, given = len(facts.block.photos), len(facts.photos.photos)
@@ -77,7 +37,7 @@ def block_answers(facts: Facts) -> Iterator[Answer]:
         yield Answer(topic=Topic.GROUND_PIXEL, text=f"{_length(pixel, facts)} in the photographs")
     yield Answer(topic=Topic.ACCURACY_PLAN, text=_checked(found.plan, found.points) if found else UNCHECKED)
     yield Answer(topic=Topic.ACCURACY_HEIGHT, text=_checked(found.height, found.points) if found else UNCHECKED)
-    if sigmas := _sigmas(facts):
+    if sigmas := point_sigmas(facts):
         plan, height = (_length(sigma, facts) for sigma in sigmas)
         yield Answer(topic=Topic.PRECISION, text=f"{plan} in plan, {height} in height (standard error of a point)")
     yield Answer(topic=Topic.REFERENCE, text=_heights(facts))
@@ -109,13 +69,6 @@ def _points(count: int) -> str:
     return "1 check point" if count == 1 else f"{count} check points"
 
 
-def _sigmas(facts: Facts) -> tuple[float, float] | None:
-    plan = np.hypot(facts.points.sigma_x, facts.points.sigma_y)
-    known = np.isfinite(plan) & np.isfinite(facts.points.sigma_z)
-    # A fixed block states no standard errors.
-    return (float(np.median(plan[known])), float(np.median(facts.points.sigma_z[known]))) if known.any() else None
-
-
 def block_lengths(facts: Facts) -> str:
     """What lengths of the block are worth; empty where they are metres."""
     return "the block has no scale: not in metres" if _is_unscaled(facts) else ""
@@ -132,7 +85,7 @@ def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
         words = "Accuracy is not proved, and there is no scale: the block has neither positions nor control nor check points."
         return Verdict(level="poor", sentence=words, weighs=True)
     if found is None:
-        stated = f" (stated: {length(sigmas[1])} in height)" if (sigmas := _sigmas(facts)) else ""
+        stated = f" (stated: {length(sigmas[1])} in height)" if (sigmas := point_sigmas(facts)) else ""
         words = f"Accuracy is not proved: there are no check points, only the precision that the adjustment states{stated}."
         return Verdict(level="poor" if doubts else "fair", sentence=words, weighs=True)
     largest = max(found.plan, found.height) / pixel if pixel else float("nan")

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.camera_findings import ConstantNominal, ImageErrorsCorrelated, InteriorUndetermined
 from orthomill.schemas.findings.contradiction_findings import UnitContradicted
@@ -14,13 +12,14 @@ from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
+from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
+from orthomill.tasks.orientation.examined.block_numbers import framed_control
+from orthomill.tasks.orientation.examined.photographed_surface import coverage
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
-from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
-from orthomill.tasks.orientation.reporting.camera_warnings import camera_warnings
-from orthomill.tasks.orientation.reporting.photographed_surface import coverage
-from orthomill.tasks.orientation.reporting.photographs_left_out import left_out_sentences
-from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
-from orthomill.tasks.orientation.reporting.worse_control import worse_control, worse_marks
+from orthomill.tasks.orientation.report.camera_warnings import camera_warnings
+from orthomill.tasks.orientation.report.photographs_left_out import left_out_sentences
+from orthomill.tasks.orientation.report.several_findings import finding_sentences
+from orthomill.tasks.orientation.report.worse_control import worse_control, worse_marks
 
 ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
@@ -130,21 +129,13 @@ def _differs(row: GroundResidual) -> bool:
 
 def _one_sided(facts: Facts) -> Iterator[str]:
     """Control that frames only a small part of the block: away from it errors of rotation and scale grow with the distance."""
-    control = np.array([point.xyz for point in facts.control.points if point.role == "control"]).reshape(-1, 3)[:, :2]
-    ties = np.column_stack([facts.points.x, facts.points.y])
-    if len(control) < 3 or len(ties) < 10:
+    framed = framed_control(facts)
+    if framed is None or framed.share >= ONE_SIDED:
         return
-    # Percentiles: a few wrong tie points far away do not make a block larger.
-    low, high = np.percentile(ties, [2, 98], axis=0)
-    inside = np.minimum(control.max(axis=0), high) - np.maximum(control.min(axis=0), low)
-    share = float(np.prod(np.clip(inside, 0, None) / (high - low)))
-    if share >= ONE_SIDED:
-        return
-    side = "north" if control[:, 1].mean() > ties[:, 1].mean() else "south"
-    side += "-east" if control[:, 0].mean() > ties[:, 0].mean() else "-west"
+    side = f"{'north' if framed.north else 'south'}-{'east' if framed.east else 'west'}"
     yield (
-        f"The control is one-sided: its frame covers {100 * share:.0f} % of the block's, towards the {side}. Away from it errors "
-        "grow; add control on the other side."
+        f"The control is one-sided: its frame covers {100 * framed.share:.0f} % of the block's, towards the {side}. Away from it "
+        "errors grow; add control on the other side."
     )
 
 

@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.orientation import Block
-from orthomill.schemas.stage_report import Picture
 from orthomill.tasks.geometry.view import View, block_view
 
 SIDE = 320
@@ -19,8 +18,6 @@ _EDGE = 24
 """points along each side of an outline: distortion bends it"""
 _FARTHEST = 3.0
 """Footprints end at this many flying heights: an oblique photograph reaches to the horizon."""
-
-_COLOURS = ("#c0392b", "#e67e22", "#f1c40f", "#7dbb5e", "#3f9b6a", "#1f6f8b")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,19 +105,8 @@ def _ground_map(block: Block, views: list[View], outlines: list[np.ndarray]) -> 
     return GroundMap(middle + 0.5 * SIDE * cell * np.array([-1.0, 1.0]), cell)
 
 
-def overlap_picture(block: Block) -> Picture:
-    """How the report draws the map of `overlap_map`."""
-    # The width is computed again: a job that writes a raster returns nothing else.
+def map_width(block: Block) -> float:
+    """Side of the map of `overlap_map`, m."""
+    # Computed again for the report: a job that writes a raster returns nothing else.
     views = _views(block)
-    wide = SIDE * _ground_map(block, views, [outline(view, block.ground_mean) for view in views]).cell
-    where = "level ground at mean height. North is up" if block.area is None else "the surface's plane, seen from its front"
-    seen = [(0, "#f4f4f1", "seen by none")]
-    seen += [(i, _COLOURS[i - 1], f"{i} photograph{'s' * (i > 1)}{' or more' * (i == MOST)}") for i in range(1, MOST + 1)]
-    return Picture(
-        title="Footprints and overlap",
-        raster=OVERLAP,
-        style="classes",
-        caption=f"Photographs that see each place of {where}, the picture is {wide:.4g} m wide. "
-        "Heights need two photographs; with three or more, blunders can be detected.",
-        classes=(*seen, (OUTLINE, "#555555", "outline of a photograph"), (CENTRE, "#000000", "projection centre")),
-    )
+    return SIDE * _ground_map(block, views, [outline(view, block.ground_mean) for view in views]).cell

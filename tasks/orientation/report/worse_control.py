@@ -1,6 +1,7 @@
 """What is told of control whose coordinates or measurements are worse than stated."""
 
-import numpy as np
+from math import sqrt
+from statistics import median
 
 from orthomill.schemas.findings.finding import two_digits
 from orthomill.schemas.observations import Control
@@ -11,7 +12,13 @@ ELSEWHERE = 100.0
 
 def worse_control(control: Control, factor: float) -> str:
     """That the coordinates of the control are `factor` times worse than stated, and what that means."""
-    stated = _median([np.sqrt(np.mean(np.square(point.sigma))) for point in control.points if point.role == "control"])
+    stated = _median(
+        [
+            sqrt(sum(sigma * sigma for sigma in point.sigma) / len(point.sigma))
+            for point in control.points
+            if point.role == "control"
+        ]
+    )
     good = factor * stated
     if factor >= ELSEWHERE:
         return (
@@ -42,4 +49,4 @@ def worse_marks(control: Control, factor: float) -> str:
 
 
 def _median(values: list[float]) -> float:
-    return float(np.median(values)) if values else 1.0
+    return median(values) if values else 1.0

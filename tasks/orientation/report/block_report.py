@@ -5,22 +5,16 @@ from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import StageReport
-from orthomill.tasks.orientation.reporting.adjustment_tables import adjustment_grids, ground_grids
-from orthomill.tasks.orientation.reporting.block_answers import (
-    PRODUCTS,
-    block_answers,
-    block_evidence,
-    block_lengths,
-    block_verdict,
-)
-from orthomill.tasks.orientation.reporting.block_charts import block_charts
-from orthomill.tasks.orientation.reporting.block_doubts import block_doubts
-from orthomill.tasks.orientation.reporting.block_facts import Facts
-from orthomill.tasks.orientation.reporting.block_figures import block_figures
-from orthomill.tasks.orientation.reporting.block_warnings import block_losses, block_warnings
-from orthomill.tasks.orientation.reporting.camera_tables import camera_grids
-from orthomill.tasks.orientation.reporting.overlap_map import overlap_picture
-from orthomill.tasks.orientation.reporting.photograph_tables import photograph_grids
+from orthomill.tasks.orientation.examined.block_facts import Facts
+from orthomill.tasks.orientation.report.adjustment_tables import adjustment_grids, ground_grids
+from orthomill.tasks.orientation.report.block_answers import PRODUCTS, block_answers, block_evidence, block_lengths, block_verdict
+from orthomill.tasks.orientation.report.block_charts import block_charts
+from orthomill.tasks.orientation.report.block_doubts import block_doubts
+from orthomill.tasks.orientation.report.block_figures import block_figures
+from orthomill.tasks.orientation.report.block_warnings import block_losses, block_warnings
+from orthomill.tasks.orientation.report.camera_tables import camera_grids
+from orthomill.tasks.orientation.report.overlap_picture import overlap_picture
+from orthomill.tasks.orientation.report.photograph_tables import photograph_grids
 
 
 def report(

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from orthomill.schemas.camera import INTERIOR, Camera
+from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.stage_report import Grid
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_numbers import interior_correlations, interior_sigmas
 
 K1 = INTERIOR.index("k1")
 
@@ -45,20 +44,10 @@ def _correlations(facts: Facts) -> Iterator[Grid]:
         # One parameter has no correlation.
         if len(free) < 2:
             continue
-        covariance = np.array(camera.covariance)[np.ix_(free, free)]
-        scale = np.sqrt(np.diag(covariance))
-        values = covariance / np.outer(scale, scale)
+        values = interior_correlations(camera, free)
         yield Grid(
             title=f"Correlations of the interior orientation, camera {name}",
             columns=("", *(INTERIOR[i] for i in free)),
-            rows=tuple((INTERIOR[i], *(round(float(v), 2) for v in values[k])) for k, i in enumerate(free)),
+            rows=tuple((INTERIOR[i], *(round(v, 2) for v in values[k])) for k, i in enumerate(free)),
             note="Near 1 or -1: only the two together are known.",
         )
-
-
-def interior_sigmas(camera: Camera) -> list[float | None]:
-    """Standard errors (8) of a camera in the order of INTERIOR; None for parameters that the block did not adjust."""
-    if camera.source != "block" or camera.covariance is None:
-        return [None] * len(INTERIOR)
-    # A zero variance marks a parameter that was fixed, not one that is known exactly.
-    return [float(np.sqrt(v)) if v > 0 else None for v in np.diag(np.array(camera.covariance))]

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual
+from orthomill.schemas.orientation import Block, GroundResidual
 from orthomill.schemas.stage_report import Figure
-from orthomill.tasks.orientation.reporting.block_answers import accuracy
-from orthomill.tasks.orientation.reporting.block_facts import Facts
-from orthomill.tasks.orientation.reporting.photographed_surface import coverage
+from orthomill.tasks.orientation.examined.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_numbers import accuracy, centre_sigmas, ground_sigmas
+from orthomill.tasks.orientation.examined.photographed_surface import coverage
 from orthomill.tasks.orientation.sources.source_tables import source_figures
 
 PLACES = {
@@ -38,13 +36,6 @@ def _counted(facts: Facts, role: str) -> tuple[GroundResidual, ...]:
     """The points of a role without those that the adjustment set aside: a blunder that took no part says nothing of the fit."""
     blunders = () if role == "check" else facts.precision.blunders
     return tuple(point for point in facts.ground.of_role(role) if point.name not in blunders)
-
-
-def exterior_sigmas(photo: ExteriorOrientation) -> np.ndarray:
-    """(6,) standard errors of X, Y, Z in m and of omega, phi, kappa in degrees; NaN where they are not known."""
-    if photo.covariance is None:
-        return np.full(6, np.nan)
-    return np.sqrt(np.diag(np.array(photo.covariance))) * np.repeat([1.0, np.degrees(1.0)], 3)
 
 
 def _photographs(facts: Facts) -> Iterator[Figure]:
@@ -130,21 +121,18 @@ def _observations(facts: Facts) -> Iterator[Figure]:
 
 
 def _precision(facts: Facts) -> Iterator[Figure]:
-    centre, points = np.array([exterior_sigmas(photo)[:3] for photo in facts.block.photos]), facts.points
+    centres, ground = centre_sigmas(facts.block), ground_sigmas(facts.points)
     yield Figure(
-        name="centre_sigma_plan",
-        value=_median(np.hypot(centre[:, 0], centre[:, 1])),
-        unit="m",
-        sentence="Median standard error of the projection centres in plan.",
+        name="centre_sigma_plan", value=centres.plan, unit="m", sentence="Median standard error of the projection centres in plan."
     )
-    yield Figure(name="centre_sigma_height", value=_median(centre[:, 2]), unit="m")
+    yield Figure(name="centre_sigma_height", value=centres.height, unit="m")
     yield Figure(
         name="ground_sigma_plan",
-        value=_median(np.hypot(points.sigma_x, points.sigma_y)),
+        value=ground.plan,
         unit="m",
         sentence="Median standard error of the tie points in plan, including the effect of the orientation.",
     )
-    yield Figure(name="ground_sigma_height", value=_median(points.sigma_z), unit="m")
+    yield Figure(name="ground_sigma_height", value=ground.height, unit="m")
     yield Figure(
         name="ground_bend_sigma",
         label="Precision of the shape",
@@ -171,13 +159,6 @@ def _coverage(facts: Facts) -> Iterator[Figure]:
         sentence="Share of the photographed surface that two photographs or more see.",
     )
     yield Figure(name="covered_by_three", value=by_three, unit="%")
-
-
-def _median(values: np.ndarray) -> float | None:
-    """The median of the known values."""
-    # A fixed block states no standard errors: its figure is empty, and not 0.
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else None
 
 
 def _ground(points: tuple[GroundResidual, ...], word: str) -> Iterator[Figure]:

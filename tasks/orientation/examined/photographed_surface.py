@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
-from orthomill.tasks.orientation.reporting.block_facts import Facts
+from orthomill.tasks.orientation.examined.block_facts import Facts
 
 CELLS = 3600
 """Cells of all photographs together: they give a percentage to better than a percent."""

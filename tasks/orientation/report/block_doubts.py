@@ -22,8 +22,8 @@ from orthomill.schemas.findings.observation_findings import (
     MarksInAnotherFrame,
     PositionsElsewhere,
 )
-from orthomill.tasks.orientation.reporting.block_facts import Facts, told_findings
-from orthomill.tasks.orientation.reporting.several_findings import finding_sentences
+from orthomill.tasks.orientation.examined.block_facts import Facts, told_findings
+from orthomill.tasks.orientation.report.several_findings import finding_sentences
 
 GRAVE = (
     BlockBent,

@@ -1,11 +1,9 @@
 """The photographs of a block as tables: image residuals, exterior orientation, pairs, and those that did not join."""
 
-import numpy as np
-
 from orthomill.schemas.orientation import ExteriorOrientation, RelativeOrientation
 from orthomill.schemas.stage_report import Grid
-from orthomill.tasks.orientation.reporting.block_facts import CELLS, Facts, filled_areas
-from orthomill.tasks.orientation.reporting.block_figures import exterior_sigmas
+from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts
+from orthomill.tasks.orientation.examined.block_numbers import known_sigmas, photo_residual_numbers
 
 Row = tuple[float | int | str | None, ...]
 COUNTS = ("photo", "measurements", "rejected")
@@ -25,21 +23,17 @@ def _image_residuals(facts: Facts) -> Grid:
 
 
 def _residual_row(facts: Facts, photo: ExteriorOrientation) -> Row:
-    seen = facts.image.photo == facts.photos.names.index(photo.photo)
-    own, camera = facts.image.take(seen & facts.image.used), facts.block.camera_of(photo.photo)
-    # float32 squares of many residuals would lose digits in their sum.
-    rms = [float(np.sqrt((v.astype(float) ** 2).mean())) if len(v) else None for v in (own.v_col, own.v_row)]
-    size = np.hypot(own.v_col, own.v_row)
+    numbers, camera = photo_residual_numbers(facts, photo.photo), facts.block.camera_of(photo.photo)
     # Micrometres are what analogue specifications and older reports state.
     um = photo.residual_px * camera.pixel_um if camera.pixel_um and photo.residual_px else None
-    largest = float(size.max()) if len(size) else None
-    return photo.photo, len(own), int(seen.sum()) - len(own), *rms, um, largest, filled_areas(own, camera)
+    rms = numbers.rms_col, numbers.rms_row
+    return photo.photo, numbers.used, numbers.rejected, *rms, um, numbers.largest, numbers.areas
 
 
 def _exterior(facts: Facts) -> Grid:
     rows: list[Row] = []
     for photo in facts.block.photos:
-        sigma = [float(v) if np.isfinite(v) else None for v in exterior_sigmas(photo)]
+        sigma = known_sigmas(photo)
         rows.append((photo.photo, *photo.centre, *sigma[:3], *photo.omega_phi_kappa, *sigma[3:]))
     return Grid(
         title="Exterior orientation",

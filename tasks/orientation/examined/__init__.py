@@ -1,0 +1,1 @@
+"""What is counted and computed of a finished block for its report."""

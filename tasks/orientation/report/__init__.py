@@ -1,0 +1,1 @@
+"""What the stage `orientation` tells of the block."""
