@@ -10,10 +10,10 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.imagery.upright import exif_orientation, upright
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.pair_surface import PairSurface, match_pair
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 
 
 def read_photograph(path: str | Path) -> np.ndarray:

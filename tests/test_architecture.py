@@ -107,8 +107,8 @@ def test_stages_never_import_each_other():
     nobody(line for own in makers for line in offenders(modules(f"tasks/{own}"), *others[own]))
 
 
-def test_inspections_import_no_stage_and_only_the_catalogue_imports_them():
-    below = [path for path in modules("schemas", "tasks", "pipeline") if relative(path) != "tasks/catalogue.py"]
+def test_inspections_import_no_stage_and_only_the_lookups_import_them():
+    below = [path for path in modules("schemas", "tasks", "pipeline") if relative(path) != "tasks/lookups.py"]
     nobody(offenders((path for path in below if path.parent.name != "inspections"), "tasks.inspections"))
     above = [f"tasks.{name}" for name in (*STAGES, "simulation", "catalogue")]
     nobody(offenders(modules("tasks/inspections"), *above))
@@ -120,7 +120,7 @@ HANDS_IN = {"pipeline/cli/projects.py", *(relative(path) for path in (ROOT / "pi
 
 def test_the_engine_knows_no_photogrammetry():
     nobody(offenders((path for path in modules("pipeline") if relative(path) not in HANDS_IN), "tasks"))
-    nobody(relative(ROOT / path) for path in HANDS_IN if imports_any(ROOT / path, "tasks") - {"tasks.catalogue"})
+    nobody(relative(ROOT / path) for path in HANDS_IN if imports_any(ROOT / path, "tasks") - {"tasks.catalogue", "tasks.lookups"})
 
 
 def test_no_stage_but_the_evaluation_knows_the_truth():

@@ -29,7 +29,7 @@ from orthomill import check
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.schemas.raster import Window
-from orthomill.tasks.dsm_check.nodes import NodeMatching
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 
 CELL, AROUND = 0.5, 20.0

@@ -10,7 +10,7 @@ from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control, GroundPoints
 from orthomill.schemas.orientation import Block, RelativeOrientations
-from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice, WeightedInterior
 from orthomill.tasks.adjustment.testing.position_trend import height_trend
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block

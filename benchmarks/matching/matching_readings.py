@@ -18,8 +18,8 @@ from benchmarks.matching.dissertation_pair import GroundTexture, ground_texture
 from benchmarks.matching.matching_experiment import Experiment, Score, score
 from benchmarks.matching.matching_windows import SHAPES, SIZES, STATISTICAL, Prepared, differences
 from benchmarks.matching.published_recipe import published
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.windows.sizes import grey_levels, window_sizes
 
 SOFTENED = 0.8

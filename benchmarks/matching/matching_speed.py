@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.published_recipe import published
 from benchmarks.measured_run import ROOT
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points, prepare
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching
 
 AFFINE = np.array([[0.97, -0.03], [0.02, 1.03]])
 SHIFT = np.array([3.3, -4.7])

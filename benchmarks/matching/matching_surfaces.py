@@ -21,14 +21,16 @@ from benchmarks.matching.matching_windows import SHAPES
 from benchmarks.matching.published_recipe import published
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.pair_start import pair_start
 from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, hidden, match_pair, nodes_near
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.smoothing import with_gaps
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange, match_pyramid
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import Seeds, found_seeds, grow
 
 DENSE_WINDOW, QUICK_WINDOW = Window(3900, 6000, 3072, 3072), Window(4600, 7000, 560, 560)
 PART_WINDOW = Window(3000, 4700, 4000, 5800)

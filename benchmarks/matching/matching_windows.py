@@ -17,18 +17,18 @@ from benchmarks.matching.dissertation_pair import CLEAN, NOISY, PairRadiometry
 from benchmarks.matching.matching_experiment import Experiment, Score, score
 from benchmarks.matching.matching_published import Published
 from benchmarks.matching.published_recipe import published
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
-from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
+from orthomill.tasks.matching.strategies.cascade import match_cascade
+from orthomill.tasks.matching.strategies.cascade_settings import CascadeMatching
 from orthomill.tasks.matching.windows.calibration import calibrated, last_limits
-from orthomill.tasks.matching.windows.sizes import (
+from orthomill.tasks.matching.windows.sizes import grey_levels, window_sizes
+from orthomill.tasks.matching.windows.window_settings import (
     CombinedWindow,
     EntropyWindow,
     FoerstnerWindow,
     StatisticalWindow,
     WindowSizing,
-    grey_levels,
-    window_sizes,
 )
 
 SIZES = tuple(range(7, 36, 2))

@@ -14,8 +14,9 @@ import numpy as np
 from benchmarks.matching.dissertation_pair import CLEAN, GroundTexture, PairCrop, pair_crop
 from benchmarks.matching.matching_surfaces import SEARCH, STEP, parts_of, search_of
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, halo, match_pyramid
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange, halo, match_pyramid
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
 
 _STRIPS, _ROUNDS = 4, 3
 _PYRAMID = PyramidMatching()

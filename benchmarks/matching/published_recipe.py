@@ -1,6 +1,6 @@
 """Least-squares matching as published: the settings that the printed tables are reproduced with."""
 
-from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching, Square
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, Forward, LeastSquaresMatching, Square
 
 _NO_LIMIT = 1e6
 

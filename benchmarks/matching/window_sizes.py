@@ -14,20 +14,15 @@ from benchmarks.measured_run import ROOT
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.radiometry import grey_bytes
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate
-from orthomill.tasks.matching.points.interest_points import FoerstnerPoints, HarrisPoints, interest_points
+from orthomill.tasks.matching.points.correlation import correlate
+from orthomill.tasks.matching.points.interest_points import FoerstnerPoints, interest_points
+from orthomill.tasks.matching.points.point_settings import HarrisPoints, TemplateCorrelation
 from orthomill.tasks.matching.windows.calibration import LIMITS, calibrated, last_limits
 from orthomill.tasks.matching.windows.size_map import size_map
-from orthomill.tasks.matching.windows.sizes import (
-    CombinedWindow,
-    EntropyWindow,
-    FoerstnerWindow,
-    StatisticalWindow,
-    grey_levels,
-    window_sizes,
-)
+from orthomill.tasks.matching.windows.sizes import grey_levels, window_sizes
+from orthomill.tasks.matching.windows.window_settings import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow
 
 PHOTO = ROOT / "workflows" / "photographs" / "brighton" / "DJI_0018.JPG"
 POINTS, REPETITIONS, SHARE = 20_000, 5, 0.95

@@ -24,7 +24,7 @@ from orthomill.schemas.camera import CAMERAS, Camera
 from orthomill.schemas.observations import CONTROL, TIE_POINTS
 from orthomill.schemas.orientation import RELATIVE
 from orthomill.schemas.photo import PHOTOS
-from orthomill.tasks.adjustment.model.interior import FreeInterior, InteriorChoice, WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FreeInterior, InteriorChoice, WeightedInterior
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 

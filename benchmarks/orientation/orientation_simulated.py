@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.instrument.result_page import write_page
 from benchmarks.orientation.simulated_scenes import orienting, published_pairs, simulated_block
 from orthomill.schemas.camera import INTERIOR
-from orthomill.tasks.adjustment.model.interior import FreeInterior
+from orthomill.tasks.adjustment.model.interior_settings import FreeInterior
 from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.relative.relative_forms import DependentOrientation, FiveRotations

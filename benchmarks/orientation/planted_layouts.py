@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.instrument.result_page import RESULTS, write_page
 from benchmarks.orientation.simulated_scenes import orienting, photographed_layouts, planted_blunders
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.interior import FreeInterior
+from orthomill.tasks.adjustment.model.interior_settings import FreeInterior
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 LEAST_MATCHES = 15

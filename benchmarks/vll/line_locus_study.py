@@ -31,10 +31,15 @@ from benchmarks.vll.line_locus_scene import (
     plane,
 )
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.line_locus.height_search import HeightSearch
+from orthomill.tasks.matching.line_locus.height_search_settings import (
+    FixedThreshold,
+    HeightSearch,
+    IndependentPixelsThreshold,
+    TTestThreshold,
+)
 from orthomill.tasks.matching.line_locus.line_locus import FoundHeights, NodeLines, found_heights
 from orthomill.tasks.matching.line_locus.node_order import visits
-from orthomill.tasks.matching.line_locus.thresholds import FixedThreshold, IndependentPixelsThreshold, TTestThreshold
+from orthomill.tasks.matching.line_locus.thresholds import threshold_limits
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImages
 
 WINDOWS = (25, 45, 65, 85)
@@ -104,7 +109,7 @@ def judged(found: FoundHeights, limit: float, thin: int = 1, every: int = 1, gro
 
 def limit_of(window: int) -> float:
     """The published critical correlation of a window."""
-    return float(_T_TEST.limits(window**2)[0, 0])
+    return float(threshold_limits(_T_TEST, window**2)[0, 0])
 
 
 def table_1(runs: dict[tuple[int, int], FoundHeights]) -> list[str]:

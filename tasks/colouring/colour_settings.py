@@ -6,10 +6,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
-from orthomill.tasks.colouring.blending.blending import Blend
-from orthomill.tasks.colouring.blending.colour_rules import ColourRules
-from orthomill.tasks.colouring.blending.rejection import CentreName, Rejection
 
 
 class ByArea(Settings):
@@ -101,7 +97,8 @@ Weights = Annotated[ByArea | BySquaredArea, Field(discriminator="kind")]
 Rejections = Annotated[KeepAllColours | AboutMean | AboutMedian | AboutMedianRobust, Field(discriminator="kind")]
 Balance = Annotated[NoBalance | BlockBalance | HistogramBalance, Field(discriminator="kind")]
 TwoColours = Annotated[AverageTwo | PreferHeavier | PreferUnbroken, Field(discriminator="kind")]
-_CENTRE: dict[str, CentreName] = {"mean": "mean", "median": "median", "robust": "deviation"}
+SAMPLES_AT_MOST = 60_000
+"""Samples of a whole block for its balance."""
 _SPACING_OF_RANGE = 64  # px between samples that serve for the range of 16 bits only
 
 
@@ -121,16 +118,6 @@ class ColourSettings(Settings):
         ge=0,
         le=0.5,
     )
-
-    @property
-    def colour_rules(self) -> ColourRules:
-        """The rules that the settings stand for."""
-        choice, two = self.rejection, self.two_colours
-        rejection = Rejection("none") if choice.kind == "none" else Rejection(_CENTRE[choice.kind], choice.k, choice.least)
-        power = 2 if self.weights.kind == "area_squared" else 1
-        limit = 0.0 if two.kind == "average" else two.limit
-        blended = Blend(rejection, power, best=0 if self.best == "auto" else self.best, two_limit=limit)
-        return ColourRules(self.feather, blended, breaks=two.kind == "depth_break", finest=self.best == "auto")
 
     @property
     def vignetting(self) -> bool:

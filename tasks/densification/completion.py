@@ -4,18 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
-
-
-class Completion(Settings):
-    """How the heights of pairs and those of the volume go together."""
-
-    nearness: float = setting(1.0, "Heights of a pair count only within this distance of the volume's.", "cells", gt=0.0, le=20.0)
-
 
 _COHERENT, _COMPANY = 70, 50
 """% of the cells around that go along with a height, from which on it is coherent, and below which it stands alone"""

@@ -6,41 +6,12 @@ if they lie on opposite sides, by their mean weighted with 1 / distance^2, and i
 spread. For estimates that can only be wrong, heights on one side will do.
 """
 
-from typing import Annotated, Literal
-
 import numpy as np
-from pydantic import Field
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import ESTIMATED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-
-
-class MeasuredOnly(Settings):
-    """Cells without a measured height stay empty."""
-
-    kind: Literal["none"]
-
-    @property
-    def reach(self) -> int:
-        """Distance from a gap, in cells, within which heights are used."""
-        return 0
-
-
-class EstimateGaps(Settings):
-    """Every gap gets an estimated height, with a code that says so."""
-
-    kind: Literal["estimate"] = "estimate"
-    max_gap: int = setting(64, "How far from the heights around it a cell may be interpolated.", "cells", ge=1, le=500)
-
-    @property
-    def reach(self) -> int:
-        """Distance from a gap, in cells, within which heights are used."""
-        return self.max_gap
-
-
-Filling = Annotated[MeasuredOnly | EstimateGaps, Field(discriminator="kind")]
+from orthomill.tasks.densification.settings.surface_settings import EstimateGaps, MeasuredOnly
 
 _DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 """(row, col) steps around a cell; those four places apart are opposite"""

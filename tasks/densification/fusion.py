@@ -10,19 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.height_stack import HeightStack
+from orthomill.tasks.densification.settings.surface_settings import Fusion
 
 _LEAST_SIGMA = 1e-4
 """m; a standard error of zero would give a weight of infinity"""
-
-
-class Fusion(Settings):
-    """How the heights of several pairs become one."""
-
-    agreement: float = setting(3.0, "Heights agree when they differ by no more than this many standard errors.", gt=0.0, le=10.0)
-    tolerance: float = setting(0.3, "Heights also agree when they differ by less than this.", "cells", ge=0.0, le=10.0)
 
 
 @dataclass(frozen=True)

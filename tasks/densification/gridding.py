@@ -14,20 +14,13 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
+from orthomill.tasks.densification.settings.surface_settings import Gridding
 
 _ALL_TRIANGLES = 6
 """triangles that meet in a node inside the grid"""
 _ON_EDGE = 1e-9
 """share of a triangle within which a cell centre counts as lying on its edge: without it rounding leaves seams of empty cells"""
-
-
-class Gridding(Settings):
-    """From the nodes of a pair to map cells."""
-
-    max_jump: float = setting(1.5, "Neighbouring nodes whose parallaxes differ by more are not on one surface.", "px", gt=0.0)
-    node_reach: float = setting(0.5, "A node at a jump covers the cells around it up to this distance.", "nodes", ge=0.0, le=2.0)
 
 
 @dataclass(frozen=True)

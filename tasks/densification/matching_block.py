@@ -14,7 +14,6 @@ from orthomill.tasks.densification.start_parallaxes import STRIP, start_parallax
 from orthomill.tasks.geometry.epipolar_window import map_window
 from orthomill.tasks.matching.dense.blocks import (
     BLOCK,
-    DenseMatching,
     ParallaxRange,
     left_window,
     placed,
@@ -22,6 +21,7 @@ from orthomill.tasks.matching.dense.blocks import (
     right_window,
     scratch_bytes,
 )
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
 PRECISION_EDGES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)

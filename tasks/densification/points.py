@@ -13,20 +13,12 @@ import numpy as np
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.surface import MEASURED, Provenance, SurfacePoints
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
+from orthomill.tasks.densification.settings.surface_settings import PointThinning
 
 _WORD = 64
 """photographs per word of a set of bits"""
-
-
-class PointThinning(Settings):
-    """Which matched nodes become points of the point cloud."""
-
-    most_per_cell: int = setting(
-        2, "Matched nodes of all pairs that a cell of the surface model keeps: those of the smallest standard error.", ge=1, le=32
-    )
 
 
 class _KeptNodes(NamedTuple):

@@ -10,46 +10,12 @@ within that circle; so every height first needs support in a wider circle.
 Source: Karfis 2009 (sources/epipolar.md#spikes).
 """
 
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import model_validator
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.schemas.settings import Settings, refuse_ignored, setting
-
-
-class SpikeFilter(Settings):
-    """Removal of spikes by comparison with the heights around."""
-
-    radius: float = setting(4.0, "Radius of the circle of neighbours.", "cells", ge=1.0, le=30.0)
-    sigmas: float = setting(3.0, "Standard deviations of the neighbours by which a height may differ from their mean.", gt=0.0)
-    rounds: int = setting(2, "How often the filter runs.", ge=0, le=10)
-    min_support: int = setting(10, "A height that fewer neighbours support is removed.", "cells", ge=0)
-    support_slope: float = setting(1.5, "A neighbour supports a height when the slope between them is at most this.", gt=0.0)
-    far_radius: float = setting(
-        12.0, "Radius of the wider circle in which a height also needs support; 0: none.", "cells", ge=0.0, le=60.0
-    )
-    far_support: float = setting(0.15, "Share of the wider circle that must support a height.", ge=0.0, le=1.0)
-    far_slope: float = setting(3.0, "A height in the wider circle supports when the slope is at most this.", gt=0.0)
-    floor: float = setting(0.3, "Deviations below this share of the cell size are never spikes.", "cells", ge=0.0)
-
-    @model_validator(mode="after")
-    def _settings_have_an_effect(self) -> Self:
-        """Refuses settings of a part of the filter that is switched off."""
-        for switch, others in _SWITCHES.items():
-            if getattr(self, switch) == 0:
-                refuse_ignored(self, others, f"{switch}: 0", f"leave it out, or set {switch} to more than 0")
-        return self
-
-    @property
-    def halo(self) -> int:
-        """Distance in cells at which a height can influence the filter."""
-        return int(np.ceil(self.radius)) * self.rounds + int(np.ceil(self.far_radius))
-
-
-_SWITCHES = {"rounds": ("radius", "sigmas", "min_support", "support_slope"), "far_radius": ("far_support", "far_slope")}
-"""settings that switch a part of the filter off when they are 0, and the settings that only this part reads"""
+from orthomill.tasks.densification.settings.surface_settings import SpikeFilter
 
 
 class _Neighbours(NamedTuple):

@@ -16,19 +16,21 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
-from orthomill.tasks.densification.completion import Completion
-from orthomill.tasks.densification.filling import EstimateGaps, Filling
-from orthomill.tasks.densification.fusion import Fusion
-from orthomill.tasks.densification.gridding import Gridding
-from orthomill.tasks.densification.guided.guided_matching import Guided
-from orthomill.tasks.densification.line_locus.locus_block import LineLocus
-from orthomill.tasks.densification.points import PointThinning
-from orthomill.tasks.densification.spike_filter import SpikeFilter
-from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
-from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
-from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
-from orthomill.tasks.matching.dense.blocks import DenseMatching
-from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, Guide, TiePointGuide
+from orthomill.tasks.densification.settings.guided_matching import Guided
+from orthomill.tasks.densification.settings.line_locus_settings import LineLocus
+from orthomill.tasks.densification.settings.pair_strategy_settings import Cascade, CoarseToFine, Growing
+from orthomill.tasks.densification.settings.surface_settings import (
+    Completion,
+    EstimateGaps,
+    Filling,
+    Fusion,
+    Gridding,
+    PointThinning,
+    SpikeFilter,
+)
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 
 class ObjectSpace(Settings):

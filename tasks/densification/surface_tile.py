@@ -11,19 +11,28 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
-from orthomill.tasks.densification.completion import Completion, VolumeWindow, completed
-from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill, without
-from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
-from orthomill.tasks.densification.gridding import Gridding, TargetCells, grid_nodes
+from orthomill.tasks.densification.completion import VolumeWindow, completed
+from orthomill.tasks.densification.filling import fill, without
+from orthomill.tasks.densification.fusion import FusedCells, fuse
+from orthomill.tasks.densification.gridding import TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
-from orthomill.tasks.densification.points import PointCollector, PointThinning
+from orthomill.tasks.densification.points import PointCollector
 from orthomill.tasks.densification.precision.datum_precision import datum_precision
 from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH, groundless, with_distance
 from orthomill.tasks.densification.precision.standard_errors import REACH, relative_precision
 from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision
-from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes
+from orthomill.tasks.densification.settings.surface_settings import (
+    Completion,
+    EstimateGaps,
+    Fusion,
+    Gridding,
+    MeasuredOnly,
+    PointThinning,
+    SpikeFilter,
+)
+from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_grid import ground_pixel
 
 CLASSES = 20

@@ -18,44 +18,17 @@ from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching
 from orthomill.tasks.dsm_check.height_correction import Centres, Correction, correct
-from orthomill.tasks.dsm_check.search import OrthoPair, ShiftSearch, distance_back, ortho_pair, shifts
+from orthomill.tasks.dsm_check.search import OrthoPair, distance_back, ortho_pair, shifts
 from orthomill.tasks.dsm_check.working_orthoimage import height_at
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.smoothing import reach_of
 
 BANDS = ("dh", "east", "south", "sigma", "correlation", "outcome")
 """bands of a raster of nodes, float32: correction m, position of the corrected point relative to the node in cells, standard error
 m, correlation, code of Outcome"""
 DH, EAST, SOUTH, SIGMA, CORRELATION, OUTCOME = range(6)
 _OUTSIDE, _OCCLUDED = int(Outcome.OUTSIDE), int(Outcome.OCCLUDED)
-
-
-class NodeMatching(Settings):
-    """How the orthoimages are matched."""
-
-    search: ShiftSearch = setting(ShiftSearch(), "The search for start values.")
-    least_squares: LeastSquaresMatching = setting(
-        LeastSquaresMatching(window=11, max_shift=3.0, min_correlation=0.7), "Least-squares matching from these start values."
-    )
-    least_sigma: float = setting(
-        0.03,
-        "Error of a shift that the matching does not report: orthoimages are resampled, so that their noise is correlated.",
-        "orthoimage pixels",
-        gt=0,
-    )
-    hidden: float = setting(1.5, "A node is hidden when the model rises above its ray by more than this.", "cells", gt=0)
-
-    @property
-    def halo(self) -> int:
-        """Pixels around a tile of orthoimage that its nodes need; even, so that pixels of half size keep their places."""
-        # 1.5: the window may grow and shear during the iterations before its corners leave the image
-        lsm = self.least_squares
-        window = int(np.ceil(lsm.reach * 1.5 + lsm.max_shift)) + reach_of(lsm.smoothing) + 3
-        correlation = 2 * (self.search.window // 2) + 4
-        return 2 * int(np.ceil((2 * self.search.reach + 4 + max(window, correlation)) / 2))
 
 
 @dataclass(frozen=True)

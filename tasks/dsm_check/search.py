@@ -16,22 +16,12 @@ import cv2
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.dsm_check.comparison_settings import ShiftSearch
 
 _NONE = -2.0
 """correlation where none can be computed: below every coefficient"""
 _LEAST_POWER = 1.0
 """product of the centred sums of squares: windows below it are flat, and rounding would decide their correlation"""
-
-
-class ShiftSearch(Settings):
-    """The search for homologous points of two orthoimages."""
-
-    reach: int = setting(10, "Greatest shift along the base that is searched.", "orthoimage pixels", ge=2, le=40)
-    window: int = setting(13, "Side of the correlation window on orthoimages of half the size.", "px", ge=5, le=31)
-    gain: float = setting(0.05, "How much better than no shift another shift must correlate.", ge=0, le=1)
-    across: float = setting(2.0, "Greatest shift across the base; larger ones are wrong matches.", "orthoimage pixels", gt=0)
-    back: float = setting(1.5, "Greatest distance from the point at which the reverse search may end.", "orthoimage pixels", gt=0)
 
 
 @dataclass(frozen=True, eq=False)

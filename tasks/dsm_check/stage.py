@@ -7,8 +7,8 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
-from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
 
 _FILE_ROUNDS, _FILE_LEVELS = 4, 3

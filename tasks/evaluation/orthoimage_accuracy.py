@@ -25,8 +25,8 @@ from orthomill.schemas.truth import OPEN_MATERIALS, Material
 from orthomill.tasks.evaluation.classes import PlaceClass
 from orthomill.tasks.evaluation.orientation_accuracy import datum_shifts
 from orthomill.tasks.geometry.view import block_view
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 
 HALO = 34
 """pixels around a tile: matching window with smoothing and pull-in range, and distance to the nearest roof"""

@@ -23,15 +23,14 @@ from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.imagery.upright import exif_orientation, file_window, upright, upright_shape
 from orthomill.tasks.matching.windows.calibration import LIMITS, LimitCalibration, calibrated, last_limits
 from orthomill.tasks.matching.windows.size_map import halo, published_levels, size_map
-from orthomill.tasks.matching.windows.sizes import (
+from orthomill.tasks.matching.windows.sizes import GreyLevels, grey_levels
+from orthomill.tasks.matching.windows.window_settings import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
     FoerstnerWindow,
-    GreyLevels,
     StatisticalWindow,
     WindowSizing,
-    grey_levels,
 )
 
 _STRIP = 2_000_000

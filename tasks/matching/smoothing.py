@@ -9,6 +9,7 @@ Smoothing both images with sigma 0.8 px is the largest single gain of least-squa
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
+from orthomill.tasks.matching.gaussian_reach import reach_of
 
 
 def gaussian_weights(sigma: float) -> np.ndarray:
@@ -18,11 +19,6 @@ def gaussian_weights(sigma: float) -> np.ndarray:
     x = np.arange(-reach_of(sigma), reach_of(sigma) + 1)
     weights = np.exp(-0.5 * (x / sigma) ** 2)
     return (weights / weights.sum()).astype(np.float32)
-
-
-def reach_of(sigma: float) -> int:
-    """Radius of the weights of `gaussian_weights`, px: beyond 3 sigma lies 0.3 % of the Gaussian."""
-    return int(np.ceil(3.0 * sigma)) if sigma > 0.0 else 0
 
 
 def with_gaps(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:

@@ -11,14 +11,9 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.stage_contract import Outline, ProjectView, Stage
-from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice
-from orthomill.tasks.adjustment.model.interior import InteriorChoice, WeightedInterior
-from orthomill.tasks.geometry.footprint import ground_outline
-from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
-from orthomill.tasks.orientation.exterior.sources import Adjusted, ExteriorSource, ForeignSource
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice, NoVariation, VariationChoice, WeightedInterior
+from orthomill.tasks.orientation.orientation_settings import Adjusted, ExteriorSource, ForeignSource, Looking, ShiftChoice
 from orthomill.tasks.orientation.sources.elevation_model import ElevationFile
-from orthomill.tasks.orientation.start.up_direction import Looking
 
 OF_THE_ADJUSTMENT = (
     "least_matches",
@@ -119,6 +114,9 @@ class OrientationStage(Stage):
 
     def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
         """Where the corners of every photograph lie at the mean height of the ground."""
+        from orthomill.tasks.geometry.footprint import ground_outline
+        from orthomill.tasks.geometry.view import block_view
+
         block = view.table(BLOCK)
         for name in block.names:
             if outline := ground_outline(block_view(block, name), block.ground_mean):

@@ -1,7 +1,6 @@
 """The stage `texture`: a true orthoimage, blended from every photograph that sees the ground."""
 
 from collections.abc import Iterator
-from math import inf
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -11,8 +10,6 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.tasks.colouring.colour_settings import ColourSettings
-from orthomill.tasks.texture.mosaic import TextureRules
-from orthomill.tasks.texture.plan.orthoimage_jobs import OrthoimageJobs
 
 
 class LeaveHoles(Settings):
@@ -85,24 +82,8 @@ class TextureStage(ColourSettings, Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """Samples of all tiles, the balance of the block, then the tiles of the orthoimage."""
+        from orthomill.tasks.texture.plan.orthoimage_jobs import OrthoimageJobs
+        from orthomill.tasks.texture.plan.texture_rules import texture_rules
+
         jobs = OrthoimageJobs(view, self, None if self.cell == "auto" else self.cell, self.holes.kind == "drape")
-        return jobs.all(self.rules(jobs.surface.grid.cell))
-
-    def rules(self, cell: float) -> TextureRules:
-        """How a tile is made on a surface model with cells of `cell` m."""
-        return TextureRules(
-            # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
-            tolerance=0.5 * cell if self.tolerance == "auto" else self.tolerance,
-            bridge=self.bridge,
-            drape_reach=self._reach(cell),
-            widening_margin=self.occlusion_margin,
-            widening_ramp=self.occlusion_ramp,
-            sharpen=self.edges.kind == "sharpen",
-            colours=self.colour_rules,
-        )
-
-    def _reach(self, cell: float) -> float:
-        """How far holes are draped, in cells of the surface model."""
-        if self.holes.kind == "leave":
-            return 0.0
-        return inf if self.holes.max_gap == "unlimited" else self.holes.max_gap / cell
+        return jobs.all(texture_rules(self, jobs.surface.grid.cell))

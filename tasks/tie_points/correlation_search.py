@@ -10,22 +10,20 @@ cases features with descriptors are needed.
 Source: Karfis 2009, sections 2.3, 4.3, 4.4 and 8.3 (sources/epipolar.md#interest-points to #return).
 """
 
-from typing import Literal
-
 import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
 from orthomill.schemas.camera import Cameras
-from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.imagery.masked_pixels import picture_of
 from orthomill.tasks.imagery.pyramid import full_to_level, level_to_full
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range, real_grey
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate, correlation_surface
-from orthomill.tasks.matching.points.interest_points import HarrisPoints, interest_points
+from orthomill.tasks.matching.points.correlation import correlate, correlation_surface
+from orthomill.tasks.matching.points.interest_points import interest_points
 from orthomill.tasks.tie_points.features import Detection, strongest_in_cells
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features, FeatureTables, MatchedPair, Values
 from orthomill.tasks.tie_points.pair_matching import PairRules, PhotoPair, accepted_matches
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch
 
 # Longer side, px, of the images from which the mean parallax is found: small enough to correlate a template over the whole image.
 _SMALL = 240
@@ -36,16 +34,6 @@ _FEWEST_MOVES = 4  # of 49 points; fewer agree by chance in photographs without 
 # px of the level: a match belongs to an interest point within this distance. Harris points are located to about a pixel.
 _JOIN = 1.5
 _STD_FLOOR = 2.0  # grey levels: templates with less contrast are not correlated
-
-
-class CorrelationSearch(Settings):
-    """Interest points and correlation: near-vertical photographs of one scale, not rotated against each other."""
-
-    kind: Literal["correlation"]
-    points: HarrisPoints = setting(HarrisPoints(), "Interest points.")
-    correlation: TemplateCorrelation = setting(
-        TemplateCorrelation(), "Search of each point in the other photograph; pixels of the searched level."
-    )
 
 
 def tile_interest_points(

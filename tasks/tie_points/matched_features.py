@@ -11,9 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.tasks.tie_points.match_records import Features, KeptFeatures, MatchCounts, MatchedFeatures, PairMatches
+from orthomill.tasks.tie_points.search_settings import LEAST_SHARE
 
-LEAST_SHARE = 500
-"""Features that every photograph keeps, however many photographs there are: eight for each of 64 parts of the frame."""
 _PARTS = 8
 """parts of the frame along either side"""
 Pairs = tuple[tuple[int, int], ...]

@@ -17,9 +17,9 @@ import numpy as np
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.imagery.pyramid import level_to_full
+from orthomill.tasks.matching.gaussian_reach import reach_of
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.smoothing import reach_of
 from orthomill.tasks.tie_points.match_records import Observations, Refined, RefinedPair, RefinedPairs, Scatters, Values
 from orthomill.tasks.tie_points.pair_matching import epipolar_scatter
 from orthomill.tasks.tie_points.patches import chosen_patches, nearest_pixels

@@ -9,9 +9,8 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.tie_points.correlation_search import CorrelationSearch
-from orthomill.tasks.tie_points.matched_features import LEAST_SHARE
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
+from orthomill.tasks.tie_points.search_settings import LEAST_SHARE, CorrelationSearch
 
 
 class FeatureSearch(Settings):

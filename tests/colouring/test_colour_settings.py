@@ -2,10 +2,10 @@
 
 import pytest
 
-from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
 from orthomill.tasks.colouring.blending.blending import Blend
+from orthomill.tasks.colouring.blending.colour_rules import colour_rules_of
 from orthomill.tasks.colouring.blending.rejection import Rejection
-from orthomill.tasks.colouring.colour_settings import ColourSettings
+from orthomill.tasks.colouring.colour_settings import SAMPLES_AT_MOST, ColourSettings
 from orthomill.tasks.colouring.plan.balance_jobs import balance_job
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.texture.stage import TextureStage
@@ -33,13 +33,13 @@ def test_both_stages_have_the_settings_of_colours():
     ],
 )
 def test_settings_become_rules(given, rules):
-    assert ColourSettings.model_validate(given).colour_rules.blend == rules
+    assert colour_rules_of(ColourSettings.model_validate(given)).blend == rules
 
 
 def test_breaks_and_the_finest_photographs_are_chosen_by_name():
-    found = ColourSettings.model_validate({"two_colours": {"kind": "depth_break"}, "best": "auto", "feather": 0.3}).colour_rules
+    found = colour_rules_of(ColourSettings.model_validate({"two_colours": {"kind": "depth_break"}, "best": "auto", "feather": 0.3}))
     assert found.breaks and found.finest and found.blend.best == 0 and found.feather == 0.3
-    plain = ColourSettings().colour_rules
+    plain = colour_rules_of(ColourSettings())
     assert not plain.breaks and not plain.finest
 
 

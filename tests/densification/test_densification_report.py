@@ -24,7 +24,8 @@ from orthomill.tasks.densification.report.densification_report import completene
 from orthomill.tasks.densification.report.line_report import line_report
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
-from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
+from orthomill.tasks.matching.dense.blocks import BLOCK
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 
 SURFACE = Surface(grid=LEVEL_GRID, height_low=-30.0, height_high=60.0)
 

@@ -23,17 +23,16 @@ from orthomill.schemas.surface import (
     SURFACE,
     Provenance,
 )
-from orthomill.tasks.densification.filling import MeasuredOnly
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, GuideFile
+from orthomill.tasks.densification.settings.surface_settings import MeasuredOnly
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
 from orthomill.tasks.densification.surface_grid import surface_of
 from orthomill.tasks.densification.volume import volume_tile
-from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.volume.height_volume import optimised
 
 STAGE = DensificationStage(matching=ObjectSpace(pairs=DenseMatching(step=4)))

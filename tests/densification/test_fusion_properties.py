@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from village_pair import stack_of
 
 from orthomill.schemas.surface import PROVENANCE_CODES, Provenance
-from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
+from orthomill.tasks.densification.fusion import FusedCells, fuse
 from orthomill.tasks.densification.gridding import HeightCells
+from orthomill.tasks.densification.settings.surface_settings import Fusion
 
 HEIGHTS = st.lists(st.floats(-50.0, 150.0, allow_subnormal=False), min_size=1, max_size=5)
 SIGMAS = st.lists(st.sampled_from([0.05, 0.1, 0.25, 1.0]), min_size=5, max_size=5)

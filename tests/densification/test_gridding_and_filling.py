@@ -7,10 +7,11 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill
+from orthomill.tasks.densification.filling import fill
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
+from orthomill.tasks.densification.gridding import HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
+from orthomill.tasks.densification.settings.surface_settings import EstimateGaps, Gridding, MeasuredOnly
 
 GRID = MapGrid(west=0.0, north=12.0, cell=1.0, rows=12, cols=12)
 WHOLE = Window(0, 0, 12, 12)

@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes, stray
+from orthomill.tasks.densification.settings.surface_settings import SpikeFilter
+from orthomill.tasks.densification.spike_filter import spikes, stray
 
 ONLY_NEAR = {"far_radius": 0.0}
 """the wider circle switched off"""

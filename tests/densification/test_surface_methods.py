@@ -11,11 +11,12 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly, fill
-from orthomill.tasks.densification.fusion import FusedCells, Fusion, fuse
-from orthomill.tasks.densification.gridding import Gridding, HeightCells, TargetCells, grid_nodes
+from orthomill.tasks.densification.filling import fill
+from orthomill.tasks.densification.fusion import FusedCells, fuse
+from orthomill.tasks.densification.gridding import HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
-from orthomill.tasks.densification.spike_filter import SpikeFilter, spikes, stray
+from orthomill.tasks.densification.settings.surface_settings import EstimateGaps, Fusion, Gridding, MeasuredOnly, SpikeFilter
+from orthomill.tasks.densification.spike_filter import spikes, stray
 from orthomill.tasks.densification.surface_grid import height_bounds, pair_bounds, round_cell_size, surface_of
 from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
 from orthomill.tasks.geometry.normal_case import intersect_pair

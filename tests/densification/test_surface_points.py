@@ -11,7 +11,8 @@ from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import Provenance, points_table
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
-from orthomill.tasks.densification.points import PointCollector, PointThinning, points_bytes
+from orthomill.tasks.densification.points import PointCollector, points_bytes
+from orthomill.tasks.densification.settings.surface_settings import PointThinning
 
 GRID = MapGrid(west=100.0, north=500.0, cell=2.0, rows=12, cols=15)
 WHOLE = Window(0, 0, 12, 15)

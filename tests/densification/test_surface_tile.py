@@ -6,15 +6,19 @@ from village_pair import LEVEL_GRID, level_nodes, level_pair, surface_tile
 
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.densification.completion import Completion, VolumeWindow
-from orthomill.tasks.densification.filling import EstimateGaps, MeasuredOnly
-from orthomill.tasks.densification.fusion import Fusion
-from orthomill.tasks.densification.gridding import Gridding
+from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
-from orthomill.tasks.densification.points import PointThinning
 from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH
 from orthomill.tasks.densification.precision.standard_errors import REACH, SHARE
-from orthomill.tasks.densification.spike_filter import SpikeFilter
+from orthomill.tasks.densification.settings.surface_settings import (
+    Completion,
+    EstimateGaps,
+    Fusion,
+    Gridding,
+    MeasuredOnly,
+    PointThinning,
+    SpikeFilter,
+)
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.surface_tile import (
     CLASSES,

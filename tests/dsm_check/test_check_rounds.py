@@ -13,9 +13,9 @@ from tiny_block import EAST, NORTH, surface
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import CORRECTED, CheckCode, Surface
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching, ShiftSearch
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, CorrectionNodes
 from orthomill.tasks.dsm_check.joint_correction import EVERYWHERE, PairGeometry, joint, shared_noise
-from orthomill.tasks.dsm_check.nodes import NodeMatching
 from orthomill.tasks.dsm_check.rounds.carried import carry
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (
     FINER_HALO,
@@ -29,7 +29,6 @@ from orthomill.tasks.dsm_check.rounds.coarse_levels import (
 )
 from orthomill.tasks.dsm_check.rounds.round_state import LookAgain, MergeRule, RoundCounts, by_block, look_again, merge, state_table
 from orthomill.tasks.dsm_check.rounds.second_look import Look, better_of
-from orthomill.tasks.dsm_check.search import ShiftSearch
 from orthomill.tasks.dsm_check.stage import CloserLook, DsmCheckStage
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceTrend, surface_trend
 from orthomill.tasks.dsm_check.tile import JointNodes, NodeWindow

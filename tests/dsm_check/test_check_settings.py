@@ -8,14 +8,14 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import ExteriorOrientation
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching, ShiftSearch
 from orthomill.tasks.dsm_check.correction_map import CorrectionMap, share_applied
 from orthomill.tasks.dsm_check.height_correction import Centres, PlanCorrection, RayCorrection, correct, nadir_angle
-from orthomill.tasks.dsm_check.nodes import CORRELATION, DH, EAST, OUTCOME, SIGMA, NodeMatching, NodeTile, check_nodes, node_offset
-from orthomill.tasks.dsm_check.search import ShiftSearch
+from orthomill.tasks.dsm_check.nodes import CORRELATION, DH, EAST, OUTCOME, SIGMA, NodeTile, check_nodes, node_offset
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.tile import CorrectionRule
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
-from orthomill.tasks.matching.windows.sizes import EntropyWindow, FoerstnerWindow, StatisticalWindow
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
+from orthomill.tasks.matching.windows.window_settings import EntropyWindow, FoerstnerWindow, StatisticalWindow
 
 CAMERA = Camera(name="c", width=1000, height=1000, c=800.0)
 GRID = MapGrid(west=0.0, north=160.0, cell=1.0, rows=160, cols=160)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from orthomill.tasks.dsm_check.search import ShiftSearch, distance_back, ortho_pair, shifts, window_sums
+from orthomill.tasks.dsm_check.comparison_settings import ShiftSearch
+from orthomill.tasks.dsm_check.search import distance_back, ortho_pair, shifts, window_sums
 
 EAST = np.array([1.0, 0.0])
 SEARCH = ShiftSearch()

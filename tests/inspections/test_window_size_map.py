@@ -16,14 +16,14 @@ from orthomill.tasks.imagery.upright import upright
 from orthomill.tasks.inspections import window_size
 from orthomill.tasks.inspections.window_size import Method, share_of, sizing_of, window_size_map
 from orthomill.tasks.matching.windows.size_map import published_levels, size_map
-from orthomill.tasks.matching.windows.sizes import (
+from orthomill.tasks.matching.windows.sizes import grey_levels
+from orthomill.tasks.matching.windows.window_settings import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
     FoerstnerWindow,
     StatisticalWindow,
     WindowSizing,
-    grey_levels,
 )
 
 SMALL = FoerstnerWindow(largest=15)

@@ -13,15 +13,19 @@ from scipy.ndimage import gaussian_filter
 
 from benchmarks.matching.published_recipe import published
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.pair_surface import ParallaxCode, match_pair
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, Forward, LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, LeastSquaresMatching
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate
-from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, match_pyramid
+from orthomill.tasks.matching.points.correlation import correlate
+from orthomill.tasks.matching.points.point_settings import TemplateCorrelation
+from orthomill.tasks.matching.strategies.cascade import match_cascade
+from orthomill.tasks.matching.strategies.cascade_settings import CascadeMatching
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange, match_pyramid
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import Seeds, found_seeds, grow
 
 SIDE, PARALLAX = 192, 3
 """px; column left - column right"""

@@ -6,14 +6,18 @@ from known_warp import AFFINE, grid_points, noisy, texture, true_places, warped
 from pydantic import ValidationError
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import Matches, match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, coarse_field, match_pyramid
+from orthomill.tasks.matching.strategies.cascade import match_cascade
+from orthomill.tasks.matching.strategies.cascade_settings import CascadeMatching
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange, coarse_field, match_pyramid
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, grow
-from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, entropy_choice, grey_levels, window_sizes
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import Seeds, grow
+from orthomill.tasks.matching.windows.sizes import entropy_choice, grey_levels, window_sizes
+from orthomill.tasks.matching.windows.window_settings import CombinedWindow, EntropyWindow
 
 GRID = NodeGrid(5, 5, 18, 18, 8)
 SEARCH = SearchRange(-22.0, 8.0, -12.0, 12.0)

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orthomill.tasks.matching.gaussian_reach import reach_of
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights, leaves, nearest_pixel, on_lattice
 from orthomill.tasks.matching.least_squares.shift_precision import residual_correlation
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
-from orthomill.tasks.matching.smoothing import gaussian_weights, reach_of, smoothed, with_gaps
+from orthomill.tasks.matching.smoothing import gaussian_weights, smoothed, with_gaps
 
 
 @settings(max_examples=40, deadline=None)

@@ -13,9 +13,9 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE, Surface
-from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST
 from orthomill.tasks.colouring.blending.blending import Blend
 from orthomill.tasks.colouring.blending.rejection import Rejection
+from orthomill.tasks.colouring.colour_settings import SAMPLES_AT_MOST
 from orthomill.tasks.texture.ground.relief import RELIEF, tile_relief
 from orthomill.tasks.texture.plan import orthoimage_jobs
 from orthomill.tasks.texture.stage import TextureStage

@@ -7,11 +7,11 @@ from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_par
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation
-from orthomill.tasks.matching.points.interest_points import HarrisPoints
-from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, mean_parallax, tile_interest_points
+from orthomill.tasks.matching.points.point_settings import HarrisPoints, TemplateCorrelation
+from orthomill.tasks.tie_points.correlation_search import correlate_pair, mean_parallax, tile_interest_points
 from orthomill.tasks.tie_points.features import Detection, photo_features
 from orthomill.tasks.tie_points.pair_matching import PairRules
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch
 
 SHAPE = (CAMERA.height, CAMERA.width)
 SEARCH = CorrelationSearch(kind="correlation", points=HarrisPoints(min_strength=100.0), correlation=TemplateCorrelation(search=101))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from orthomill.tasks.tie_points.match_records import Features, MatchedFeatures, PairMatches
-from orthomill.tasks.tie_points.matched_features import LEAST_SHARE, keep_matched, kept_matches
+from orthomill.tasks.tie_points.matched_features import keep_matched, kept_matches
+from orthomill.tasks.tie_points.search_settings import LEAST_SHARE
 from orthomill.tasks.tie_points.tracks import build_tracks, tracks_of_kept
 
 SIZE, COUNT, PHOTOS = (1600, 1200), 3000, 5

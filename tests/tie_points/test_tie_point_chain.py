@@ -8,8 +8,8 @@ from textured_plane import CAMERA, NAMES, cameras, photograph, texture, true_par
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window, tiles_of
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FoerstnerWindow
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
+from orthomill.tasks.matching.windows.window_settings import CombinedWindow, EntropyWindow, FoerstnerWindow
 from orthomill.tasks.tie_points.features import CELL, Detection, photo_features, tile_features
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, FeatureTables
 from orthomill.tasks.tie_points.pair_matching import PairRules, epipolar_agreement, epipolar_scatter, match_pair

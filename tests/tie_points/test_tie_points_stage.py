@@ -9,13 +9,14 @@ from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Job
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.stage_contract import NotYet
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.tie_points.appearance import Candidates
-from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair, tile_interest_points
+from orthomill.tasks.tie_points.correlation_search import correlate_pair, tile_interest_points
 from orthomill.tasks.tie_points.features import tile_features
 from orthomill.tasks.tie_points.match_records import Links, MatchCounts
 from orthomill.tasks.tie_points.pair_matching import match_pair
 from orthomill.tasks.tie_points.plan.tie_point_tables import CANDIDATES, LINKS, MATCH_COUNTS
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch
 from orthomill.tasks.tie_points.stage import FeatureSearch, TiePointsStage
 
 

@@ -35,7 +35,7 @@ def measure(
     """Heights, distances, slopes, profiles, areas and volumes on the surface, each with its standard error."""
     from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answer_lines, measured_answers
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.tasks.catalogue import measure as measured
+    from orthomill.tasks.lookups import measure as measured
 
     with plain_errors(debug):
         options = MeasureOptions(base, checked, corner, step, output)
@@ -62,7 +62,7 @@ def covariance(
     from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole
-    from orthomill.tasks.catalogue import StoredCovariance
+    from orthomill.tasks.lookups import StoredCovariance
 
     with plain_errors(debug):
         table = covariance_table(load_project(name).run_folder, points, sigma, StoredCovariance)
@@ -106,7 +106,7 @@ def accept(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole
     from orthomill.schemas.errors import WorkflowError
-    from orthomill.tasks.catalogue import SurveyedPoint, accepted, inspected
+    from orthomill.tasks.lookups import SurveyedPoint, accepted, inspected
 
     with plain_errors(debug):
         loaded = load_project(name) if name else None

@@ -24,7 +24,7 @@ def monoplot(
     from orthomill.pipeline.cli.lookups.monoplot import monoplot_table, read_image_points
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole
-    from orthomill.tasks.catalogue import points_on_surface
+    from orthomill.tasks.lookups import points_on_surface
 
     with plain_errors(debug):
         table = monoplot_table(load_project(name).run_folder, photo, read_image_points(points), sigma, points_on_surface)
@@ -50,7 +50,7 @@ def relative(
     """The relative orientation of a pair as the textbooks write it: from its tie points alone, and from the adjusted block."""
     from orthomill.pipeline.cli.lookups.relative_lines import as_json, pair_forms, relative_lines
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.tasks.catalogue import classical_forms
+    from orthomill.tasks.lookups import classical_forms
 
     with plain_errors(debug):
         forms = pair_forms(load_project(name).run_folder, left, right, classical_forms)

@@ -27,7 +27,7 @@ def mark(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.serving.marking.mark_routes import mark_routes
     from orthomill.pipeline.watching.map_server import served
-    from orthomill.tasks.catalogue import given_points, marker_of, marks_of
+    from orthomill.tasks.lookups import given_points, marker_of, marks_of
 
     with plain_errors(debug):
         loaded = load_project(name)

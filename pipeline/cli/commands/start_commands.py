@@ -28,7 +28,8 @@ def init(
     from orthomill.pipeline.forecast.outlook import outlook
     from orthomill.pipeline.workflow.found_lines import found_lines
     from orthomill.pipeline.workflow.starting_workflow import write_starting_workflow
-    from orthomill.tasks.catalogue import STAGES, look_ahead
+    from orthomill.tasks.catalogue import STAGES
+    from orthomill.tasks.lookups import look_ahead
 
     with plain_errors(debug):
         start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, outlook(look_ahead, STAGES, Path.cwd()))
@@ -98,7 +99,7 @@ def inspect_window_size(
 ) -> None:
     """Map the size of the matching window at every pixel: dark is small, light is large, white is none."""
     from orthomill.pipeline.cli.lookups.inspect_photo import GuardedPhoto, picture_path, write_map
-    from orthomill.tasks.catalogue import share_of, sizing_of, window_size_map
+    from orthomill.tasks.lookups import share_of, sizing_of, window_size_map
 
     with plain_errors(debug):
         path = picture_path(photo, f"window_size_{method}", output)

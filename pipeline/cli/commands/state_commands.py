@@ -64,7 +64,7 @@ def verify(name: Name, debug: Debug = False) -> None:
     from orthomill.pipeline.signing.restatement import restated
     from orthomill.pipeline.signing.signature import check_signature
     from orthomill.pipeline.signing.signature_lines import signature_lines
-    from orthomill.tasks.catalogue import statement_of
+    from orthomill.tasks.lookups import statement_of
 
     with plain_errors(debug):
         folder = load_project(name).run_folder

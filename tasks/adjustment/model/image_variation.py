@@ -7,51 +7,16 @@ same motion). Exact for a scene at one distance; relief changes it by its share 
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
 
 from orthomill.schemas.camera import INTERIOR
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.adjustment.model.interior_settings import NoVariation, RollingShutter, Stabilised, Zoomed
 from orthomill.tasks.adjustment.model.network import NO_VARIATION, Variation
 
 TIGHT = 1e-6
 """Standard error of what ties the two parameters of a scale across rows together, relative to the parameters."""
 
-
-class NoVariation(Settings):
-    """All photographs of a camera share its interior orientation."""
-
-    kind: Literal["none"]
-
-
-class Zoomed(Settings):
-    """The camera constant of every photograph differs from that of its camera: a zoom lens without tags, refocusing."""
-
-    kind: Literal["zoom"]
-    sigma: float = setting(0.01, "Standard error of the difference, in units of the camera constant.", gt=0, le=0.5)
-
-
-class Stabilised(Settings):
-    """The principal point of every photograph differs from that of its camera: a lens or sensor that is moved against shaking."""
-
-    kind: Literal["stabilised"]
-    sigma: float = setting(10.0, "Standard error of the difference.", "px", gt=0)
-
-
-class RollingShutter(Settings):
-    """The rows of a photograph are read one after another, from the top of the sensor, while the platform moves and turns."""
-
-    kind: Literal["rolling_shutter"]
-    readout: float = setting(0.03, "Time from the first row to the last.", "s", gt=0, le=1)
-    speed_sigma: float = setting(
-        5.0, "Standard error of the speed along each axis, where positions and times do not tell it.", "m/s", gt=0
-    )
-    turning_sigma: float = setting(1.0, "Standard error of the rate at which photographs turn.", "degrees/s", gt=0)
-
-
-VariationChoice = Annotated[NoVariation | Zoomed | Stabilised | RollingShutter, Field(discriminator="kind")]
 
 KNOWN_SPEED, LEAST_SPEED = 0.3, 0.5
 """Standard error of a speed by positions and times: this share of it (EXIF rounds times to seconds), m/s at least."""

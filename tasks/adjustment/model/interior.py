@@ -1,16 +1,11 @@
 """The interior orientation in an adjustment: fixed, weighted by its covariance, or free, as the workflow chooses."""
 
-from typing import Annotated, Literal, get_args
-
 import numpy as np
-from pydantic import Field
 
 from orthomill.schemas.camera import INTERIOR, Camera, lens_parameters, padded
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.network import Interior
 from orthomill.tasks.geometry.distortion import LENS_CODES
-
-Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"]
 
 NOMINAL_SIGMA = {"c": 0.03, "x0": 0.01, "y0": 0.01, "k1": 0.1, "k2": 0.1, "k3": 0.0, "p1": 0.003, "p2": 0.003}
 """Standard errors of a camera that is known from EXIF only: c in units of c, x0 and y0 in units of the width, the others as
@@ -18,32 +13,6 @@ numbers. Its k3 is fixed at 0 until the block demands it: with k1 and k2 free an
 noise at the border."""
 UNKNOWN_SIGMA = {"k3": 0.3}
 """Standard errors of parameters that are fixed until a block demands them: as large as those of lenses that have been measured."""
-
-
-class FixedInterior(Settings):
-    """The interior orientation keeps its values."""
-
-    kind: Literal["fixed"]
-
-
-class WeightedInterior(Settings):
-    """The named parameters are unknowns, weighted by the covariance of the calibration (or by wide nominal standard errors for a
-    camera from EXIF)."""
-
-    kind: Literal["weighted"]
-    parameters: tuple[Parameter, ...] = setting(
-        get_args(Parameter), "Interior parameters to be adjusted, of those that the calibration knows.", min_length=1
-    )
-
-
-class FreeInterior(Settings):
-    """The named parameters are unknowns without prior weight (self-calibration)."""
-
-    kind: Literal["free"]
-    parameters: tuple[Parameter, ...] = setting(("c", "x0", "y0", "k1", "k2"), "Interior parameters to be adjusted.", min_length=1)
-
-
-InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Field(discriminator="kind")]
 
 
 GUESSED = 0.2

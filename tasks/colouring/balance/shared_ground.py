@@ -8,9 +8,6 @@ from orthomill.schemas.job import Columns
 
 _SATURATED = 0.012  # share of the range, three grey levels of 8 bits, next to black and white
 
-SAMPLES_AT_MOST = 60_000
-"""Samples of a whole block for its balance."""
-
 
 @dataclass(frozen=True)
 class Samples(Columns):

@@ -7,8 +7,8 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import photo_raster
 from orthomill.tasks.colouring.balance.balancing import balanced_block
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
-from orthomill.tasks.colouring.balance.shared_ground import SAMPLES_AT_MOST, Samples
-from orthomill.tasks.colouring.colour_settings import ColourSettings
+from orthomill.tasks.colouring.balance.shared_ground import Samples
+from orthomill.tasks.colouring.colour_settings import SAMPLES_AT_MOST, ColourSettings
 from orthomill.tasks.geometry.photograph_part import PhotoPart
 
 COARSER = 4

@@ -19,7 +19,8 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.guided.point_block import GuidedPoints, GuidedStatistics
 from orthomill.tasks.densification.volume.guide_posts import bands
 from orthomill.tasks.densification.volume.terrain import median_heights, terrain
-from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector, without_spikes
+from orthomill.tasks.matching.guided.guided_settings import OutlierDetector
+from orthomill.tasks.matching.guided.outlier_detector import without_spikes
 
 SQUARE_POSTS = 64
 """posts along the side of a square that is cleaned by itself"""

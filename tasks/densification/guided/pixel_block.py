@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.densification.guided.guided_matching import Guided, Patch
 from orthomill.tasks.densification.guided.point_block import GuidedBlock, parallax_sigmas, parallaxes, right_columns
 from orthomill.tasks.densification.matching_block import MatchedBlock, matching_statistics
+from orthomill.tasks.densification.settings.guided_matching import Guided, Patch
 from orthomill.tasks.geometry.normal_case import intersect_pair
 from orthomill.tasks.matching.guided.band_correlation import band_places
 from orthomill.tasks.matching.guided.column_interval import GuidePosts, parallax_intervals

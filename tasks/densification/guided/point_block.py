@@ -10,7 +10,7 @@ from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.job import Columns
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.guided.guided_matching import Guided, GuidedLevel
+from orthomill.tasks.densification.settings.guided_matching import Guided, GuidedLevel
 from orthomill.tasks.densification.strategies.strategy_block import StrategyBlock
 from orthomill.tasks.geometry.normal_case import intersect_pair
 from orthomill.tasks.matching.guided.band_correlation import BandPlaces, band_places, column_sigmas

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
@@ -18,10 +18,9 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import refuse_ignored, setting
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.line_locus.node_markers import marked_picture
-from orthomill.tasks.densification.volume.guide_heights import Guide, TiePointGuide
+from orthomill.tasks.densification.settings.line_locus_settings import LineLocus
 from orthomill.tasks.densification.volume.photograph_choice import base_height, preferred, sight
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around, terrain_grid
 from orthomill.tasks.geometry.footprint import photo_window
@@ -30,7 +29,6 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.matching.line_locus.ground_windows import NodeArea, as_taken, to_plane
-from orthomill.tasks.matching.line_locus.height_search import HeightSearch
 from orthomill.tasks.matching.line_locus.line_locus import FoundHeights, NodeLines, found_heights
 from orthomill.tasks.matching.line_locus.node_order import visits
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImages
@@ -43,21 +41,6 @@ _TYPICAL = 0.25
 window is alike by chance, and the threshold then rejects twice as many nodes"""
 _SAMPLES = 5
 """places along each side of a block at which photographs are compared"""
-
-
-class LineLocus(HeightSearch):
-    """Vertical line locus in blocks of nodes; a node is a cell of the surface."""
-
-    block: int = setting(
-        64, "Nodes along the side of a block; each block is entered at a tie point of its own.", "cells", ge=8, le=4096
-    )
-    guide: Guide = setting(TiePointGuide(), "What says how high the terrain lies on which lines are entered.")
-
-    @model_validator(mode="after")
-    def _guide_has_an_effect(self) -> "LineLocus":
-        if self.start == "neighbour":
-            refuse_ignored(self, ("guide",), "start: neighbour", "set start to terrain, or leave it out")
-        return self
 
 
 @dataclass(frozen=True, eq=False)

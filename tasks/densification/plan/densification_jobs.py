@@ -11,7 +11,6 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import SURFACE, Surface
-from orthomill.tasks.densification.guided.guided_matching import Guided
 from orthomill.tasks.densification.line_locus.locus_block import LocusScene
 from orthomill.tasks.densification.line_locus.locus_surface import make_line_surface
 from orthomill.tasks.densification.plan.guided_jobs import GuidedPlan, level_table
@@ -24,12 +23,13 @@ from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HE
 from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.report.guided_report import guided_report
 from orthomill.tasks.densification.report.line_report import line_report
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
+from orthomill.tasks.densification.settings.guided_matching import Guided
+from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, VerticalLineLocus
-from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
 from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
 from orthomill.tasks.densification.surface_grid import surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.levels import VolumeScene
 
 _Plan = Iterator[RasterSpec | Job | Export]

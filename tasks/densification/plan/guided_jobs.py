@@ -21,7 +21,6 @@ from orthomill.tasks.densification.guided.guide_model import (
     no_guide,
     tie_point_guide,
 )
-from orthomill.tasks.densification.guided.guided_matching import Guided, GuidedLevel, LevelsGuide
 from orthomill.tasks.densification.guided.pixel_block import AT_ONCE, match_every_pixel
 from orthomill.tasks.densification.guided.point_block import (
     GuidedBlock,
@@ -31,9 +30,10 @@ from orthomill.tasks.densification.guided.point_block import (
     sum_guided,
 )
 from orthomill.tasks.densification.plan.pair_jobs import block_writes, counts_job, node_specs
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
+from orthomill.tasks.densification.settings.guided_matching import Guided, GuidedLevel, LevelsGuide
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock
 from orthomill.tasks.densification.surface_grid import ground_pixel
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.guide_posts import file_guide, post_grid
 from orthomill.tasks.geometry.epipolar_window import box_corners, map_window, node_window, nodes_shape
 

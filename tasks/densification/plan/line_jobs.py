@@ -21,7 +21,7 @@ from orthomill.tasks.densification.line_locus.locus_block import (
 )
 from orthomill.tasks.densification.line_locus.node_markers import MARKERS, marker_factor
 from orthomill.tasks.densification.plan.volume_jobs import GUIDE_REACH, TERRAIN, guided_terrain_plan
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
 
 LINE_NODES = "densification/lines/nodes"
 """(rows, cols, 4) float32: height m and its standard error m, NaN unless accepted; correlation, and its limit"""

@@ -7,8 +7,8 @@ from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window, map_raster
 from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.strategies.near_model import CHUNK, model_posts
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.guide_posts import file_guide
 
 MODEL = "densification/model"

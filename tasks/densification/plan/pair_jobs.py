@@ -10,7 +10,8 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
 from orthomill.tasks.densification.plan.volume_jobs import JUDGED_HEIGHT
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
-from orthomill.tasks.matching.dense.blocks import BLOCK, DenseMatching
+from orthomill.tasks.matching.dense.blocks import BLOCK
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 
 
 def nodes_raster(pair: str) -> str:

@@ -9,10 +9,11 @@ from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.plan.near_model_jobs import MODEL
 from orthomill.tasks.densification.plan.pair_jobs import block_writes, counts_job, node_specs
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
+from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.strategies.near_model import model_area
-from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
+from orthomill.tasks.densification.strategies.pair_strategies import halo
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock, match_by_strategy
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
 
 
@@ -28,7 +29,7 @@ def strategy_plan(pair: EpipolarPair, strategy: PairStrategy, surface: Surface, 
 
 
 def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, surface: Surface, stage: str) -> Job:
-    block = StrategyBlock(pair, tile.window, strategy.step, strategy.halo(), strategy.pyramid.levels)
+    block = StrategyBlock(pair, tile.window, strategy.step, halo(strategy), strategy.pyramid.levels)
     if isinstance(strategy.guide, GuideFile):
         block = replace(block, model=model_area(pair, block.left, surface))
     reads: dict[str, Reading] = {}

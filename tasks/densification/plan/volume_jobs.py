@@ -8,8 +8,9 @@ from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
-from orthomill.tasks.densification.volume.confidence import ConfidenceLimits, JudgedTile, judged
-from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, guided_terrain
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, Guide, GuideFile
+from orthomill.tasks.densification.volume.confidence import JudgedTile, judged
+from orthomill.tasks.densification.volume.guide_heights import guided_terrain
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
 from orthomill.tasks.densification.volume.terrain import terrain, terrain_grid

@@ -4,11 +4,11 @@ from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.stage_report import Figure, Grid, StageReport
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.guided.guided_matching import Guided
 from orthomill.tasks.densification.guided.point_block import GuidedStatistics
 from orthomill.tasks.densification.matching_block import MatchingStatistics
 from orthomill.tasks.densification.precision.tie_points import TieCounts
 from orthomill.tasks.densification.report.densification_report import report
+from orthomill.tasks.densification.settings.guided_matching import Guided
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
 

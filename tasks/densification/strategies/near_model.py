@@ -17,7 +17,8 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.volume.guide_posts import post_grid
 from orthomill.tasks.geometry.epipolar_window import map_window
-from orthomill.tasks.matching.guided.column_interval import ColumnInterval, GuidePosts, parallax_intervals
+from orthomill.tasks.matching.guided.column_interval import GuidePosts, parallax_intervals
+from orthomill.tasks.matching.guided.guided_settings import ColumnInterval
 from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange
 
 _POST, CHUNK = 16, 256

@@ -10,8 +10,9 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.matching_block import MatchedBlock, matching_statistics
+from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.strategies.near_model import ModelArea, NearModel
-from orthomill.tasks.densification.strategies.pair_strategies import PairStrategy
+from orthomill.tasks.densification.strategies.pair_strategies import matches
 from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, make_surface
 from orthomill.tasks.densification.volume.quality import Judgement
 from orthomill.tasks.matching.guided.column_interval import GuidePosts
@@ -101,7 +102,7 @@ def match_by_strategy(
         return MatchedBlock(nodes, outcome, matching_statistics(nodes, outcome, float("nan")))
     grid = NodeGrid(block.nodes.row, block.nodes.col, *block.nodes.shape, block.step)
     parts = ImagePart(left, block.left.col, block.left.row), ImagePart(right, block.right.col, block.right.row)
-    found = strategy.matches(*parts, grid, block.near(posts))
+    found = matches(strategy, *parts, grid, block.near(posts))
     outcome = found.outcome.reshape(grid.shape)
     nodes[...] = _node_values(found, grid, block.offset).reshape(*grid.shape, 3)
     off = found.row[found.converged] - found.reference[found.converged, 1]

@@ -10,46 +10,17 @@ the finest level on which the place is coherent (coherent_levels.py).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
 from orthomill.schemas.raster import Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import LevelWindows, shown_heights
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around
 from orthomill.tasks.matching.volume.winners import COHERENCE_HALF
-
-
-class ConfidenceLimits(Settings):
-    """When a height of the volume counts as measured."""
-
-    renamed: ClassVar = {"standing": "distinctiveness", "spread": "rival_spread"}  # 0.2
-    coherence: float = setting(0.7, "Share of the cells around that must go along with it.", ge=0.0, le=1.0)
-    distinctiveness: float = setting(
-        0.7, "How clearly it beats its rivals, as a share of what is usual in its surroundings, at least.", ge=0.0, le=2.5
-    )
-    rival_spread: float = setting(
-        1.6, "How far from it heights may lie, on average, that fit nearly as well.", "heights", ge=0.0, le=15.0
-    )
-    with_pair: float = setting(
-        0.5, "The same as distinctiveness, for heights near which a pair matched; they may be spread.", ge=0.0, le=2.5
-    )
-
-    def coherent(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 5): the surroundings go along."""
-        return judged[..., Judgement.COHERENCE] >= 100 * self.coherence
-
-    def clear(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are beaten, and near."""
-        beaten = judged[..., Judgement.DISTINCTIVENESS] >= 100 * self.distinctiveness
-        return beaten & (judged[..., Judgement.SPREAD] <= SPREAD_UNIT * self.rival_spread)
-
-    def passable(self, judged: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool from a judgement (rows, cols, 5): clear enough for a pair to decide."""
-        return judged[..., Judgement.DISTINCTIVENESS] >= 100 * min(self.with_pair, self.distinctiveness)
 
 
 class Confidence(IntEnum):
@@ -112,10 +83,10 @@ def judged(
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)
     enclosed = _enclosed(known)
-    coherent, clear = settings.coherent(judgements) & enclosed, settings.clear(judgements)
+    coherent, clear = _coherent(settings, judgements) & enclosed, _clear(settings, judgements)
     alone = known & ~(coherent & clear) & _alone(quality, known)
     confidence = np.select(
-        [coherent & clear, coherent & settings.passable(judgements), alone],
+        [coherent & clear, coherent & _passable(settings, judgements), alone],
         [np.uint8(Confidence.HIGH), np.uint8(Confidence.BLURRED), np.uint8(Confidence.CALMED)],
         np.uint8(Confidence.LOW),
     )
@@ -131,6 +102,22 @@ def judged(
         calmed = alone & shown.shown & (confidence != Confidence.BLURRED)
         confidence = np.where(calmed, np.uint8(Confidence.COARSE), confidence)
     return JudgedVolume(calmer, judgements, confidence)
+
+
+def _coherent(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool from a judgement (rows, cols, 5): the surroundings go along."""
+    return judged[..., Judgement.COHERENCE] >= 100 * limits.coherence
+
+
+def _clear(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are beaten, and near."""
+    beaten = judged[..., Judgement.DISTINCTIVENESS] >= 100 * limits.distinctiveness
+    return beaten & (judged[..., Judgement.SPREAD] <= SPREAD_UNIT * limits.rival_spread)
+
+
+def _passable(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool from a judgement (rows, cols, 5): clear enough for a pair to decide."""
+    return judged[..., Judgement.DISTINCTIVENESS] >= 100 * min(limits.with_pair, limits.distinctiveness)
 
 
 def _enclosed(known: np.ndarray) -> np.ndarray:

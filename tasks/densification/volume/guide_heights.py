@@ -5,17 +5,14 @@ datum is refused in one sentence, for it would send the search astray everywhere
 them.
 """
 
-from typing import Annotated, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
-from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.settings import Settings, setting
 from orthomill.tasks.densification.volume.guide_reach import near_tie_points
 from orthomill.tasks.densification.volume.terrain import known_terrain, terrain
 from orthomill.tasks.geometry.coordinate_ranges import in_feet
@@ -24,22 +21,6 @@ _OFFSET, _SCATTERS = 5.0, 4.0
 """m, and multiples of the scatter, by which a model must differ throughout to lie in another datum"""
 _FEWEST = 3
 """places that tie points and model have in common, below which nothing can be judged"""
-
-
-class TiePointGuide(Settings):
-    """The tie points alone."""
-
-    kind: Literal["tie_points"] = "tie_points"
-
-
-class GuideFile(Settings):
-    """An existing height model in any CRS; tie points close its holes."""
-
-    kind: Literal["file"]
-    path: ProjectPath = setting(..., "GeoTIFF with heights in metres, relative to the project's root.")
-
-
-Guide = Annotated[TiePointGuide | GuideFile, Field(discriminator="kind")]
 
 
 class GuidedTerrain(NamedTuple):

@@ -14,12 +14,12 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.volume.guide_heights import Guide, GuideFile, TiePointGuide
+from orthomill.tasks.densification.settings.guide_settings import Guide, GuideFile, TiePointGuide
 from orthomill.tasks.densification.volume.photograph_choice import base_height
 from orthomill.tasks.geometry.footprint import ground_bounds
 from orthomill.tasks.geometry.view import View, block_view
-from orthomill.tasks.matching.volume.height_volume import HeightVolume
 from orthomill.tasks.matching.volume.paths import UNIT
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 HALO = 32
 """Cells on every side of a tile that are optimised with it, so that paths arrive there."""

@@ -22,7 +22,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, bounded, narrowed
-from orthomill.tasks.matching.volume.height_volume import Choice, HeightVolume, OptimisedCells, optimised, scratch_bytes
+from orthomill.tasks.matching.volume.height_volume import Choice, OptimisedCells, optimised, ranges_of, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
     PhotographPixels,
@@ -31,6 +31,7 @@ from orthomill.tasks.matching.volume.rectified_photograph import (
     rectified_pixels,
 )
 from orthomill.tasks.matching.volume.signatures import signatures
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 from orthomill.tasks.matching.volume.winners import coherence
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
@@ -192,7 +193,7 @@ def _candidates(tile: VolumeTile, settings: HeightVolume, coarser: np.ndarray | 
     if coarser is None or tile.coarser is None:
         return all_planes(np.ones(tile.work.shape, bool), tile.level.count)
     planes = coarser / tile.level.step - tile.level.first
-    return narrowed(planes, _coarser_cells(tile, 1), tile.level.count, settings.ranges)
+    return narrowed(planes, _coarser_cells(tile, 1), tile.level.count, ranges_of(settings))
 
 
 def _near_guide(candidates: CellRanges, tile: VolumeTile, terrain: np.ndarray, reach: np.ndarray) -> CellRanges:

@@ -13,11 +13,12 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.surface import Surface
+from orthomill.tasks.dsm_check.comparison_settings import NodeMatching
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CheckedPair, CheckedPairs, ground_pixel
 from orthomill.tasks.dsm_check.height_correction import Correction
 from orthomill.tasks.dsm_check.joint_correction import BENDS, PairGeometry
-from orthomill.tasks.dsm_check.nodes import BANDS, NodeMatching, NodeTile, check_nodes
+from orthomill.tasks.dsm_check.nodes import BANDS, NodeTile, check_nodes
 from orthomill.tasks.dsm_check.precision.pair_bends import TilePairs, compare_pairs, pair_bends
 from orthomill.tasks.dsm_check.rounds.round_state import RoundState
 from orthomill.tasks.dsm_check.tile import NodeWindow

@@ -16,21 +16,18 @@ Source: Karfis 2009 (sources/epipolar.md#base-system to #levels); sources/measur
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.least_squares.grey_values import cubic_weights
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 
 BLOCK = 256
@@ -44,52 +41,21 @@ _FREE_ROWS = LeastSquaresMatching(
 )
 
 
-class DenseMatching(Settings):
-    """How a pair of epipolar images is matched densely."""
-
-    step: Literal[1, 2, 4] = setting(2, "Distance of the nodes.", "px")
-    window: int = setting(
-        15, "Side of the least-squares window on smooth surfaces; an even number is taken as the next odd one.", "px", ge=7, le=41
+def limits_of(settings: DenseMatching) -> EpipolarLimits:
+    """The limits by which the kernels match the nodes of a pair."""
+    return EpipolarLimits(
+        edge_half=settings.edge_window // 2,
+        small_half=settings.small_window // 2,
+        half=settings.window // 2,
+        wide_half=settings.wide_window // 2,
+        weak_sigma=settings.weak_sigma,
+        max_shift=settings.max_shift,
+        surface_tolerance=settings.surface_tolerance,
+        min_support=settings.min_support,
+        min_correlation=settings.min_correlation,
+        min_gradient=settings.min_gradient,
+        smoothing=settings.smoothing,
     )
-    small_window: int = setting(9, "Side of the window where the surface bends.", "px", ge=5, le=41)
-    edge_window: int = setting(5, "Side of the window where the surface breaks within the other.", "px", ge=5, le=41)
-    wide_window: int = setting(31, "Side of the window where texture is weak.", "px", ge=7, le=101)
-    weak_sigma: float = setting(0.1, "Standard error of a parallax above which wider windows are tried.", "px", gt=0.0)
-    smoothing: float = setting(0.5, "Sigma of the Gaussian that both images are smoothed with.", "px", ge=0.0, le=3.0)
-    max_shift: float = setting(1.5, "A node that ends farther than this from its start is rejected.", "px", gt=0.0)
-    surface_tolerance: float = setting(1.0, "Pixels of the window farther from the surface of the node are excluded.", "px", gt=0.0)
-    min_support: float = setting(0.3, "Share of the window that must lie on the node's surface.", gt=0.0, le=1.0)
-    min_correlation: float = setting(0.6, "Normalised correlation that the matched windows must reach.", ge=0.0, le=1.0)
-    min_gradient: float = setting(0.5, "Root mean square grey value gradient along the row.", "grey values per px", ge=0.0)
-    max_sigma: float = setting(0.5, "Largest standard error of a parallax.", "px", gt=0.0)
-    min_neighbours: int = setting(3, "Of the eight neighbours of a node, how many must agree with it.", ge=0, le=8)
-    neighbour_tolerance: float = setting(1.5, "Largest parallax difference of neighbours that agree.", "px", gt=0.0)
-
-    @model_validator(mode="after")
-    def _windows_ascend(self) -> "DenseMatching":
-        names = ("edge_window", "small_window", "window", "wide_window")
-        for smaller, larger in pairwise(names):
-            if getattr(self, smaller) // 2 > getattr(self, larger) // 2:
-                raise ValueError(
-                    f"{smaller} is {getattr(self, smaller)} and {larger} is {getattr(self, larger)}; {smaller} must not be larger"
-                )
-        return self
-
-    @property
-    def limits(self) -> EpipolarLimits:
-        return EpipolarLimits(
-            edge_half=self.edge_window // 2,
-            small_half=self.small_window // 2,
-            half=self.window // 2,
-            wide_half=self.wide_window // 2,
-            weak_sigma=self.weak_sigma,
-            max_shift=self.max_shift,
-            surface_tolerance=self.surface_tolerance,
-            min_support=self.min_support,
-            min_correlation=self.min_correlation,
-            min_gradient=self.min_gradient,
-            smoothing=self.smoothing,
-        )
 
 
 @dataclass(frozen=True)
@@ -159,7 +125,7 @@ def _fine_nodes(left: np.ndarray, right: np.ndarray, start: StartSurface, shift:
         return _nothing_found(left[HALO : -HALO : settings.step, HALO : -HALO : settings.step])
     counts = (-(-(side - 2 * HALO) // settings.step) for side in left.shape)
     rows, cols = (HALO - settings.step + settings.step * np.arange(count + 2) for count in counts)
-    return consistent(match_nodes(left, right, start, rows, cols, shift, settings.limits), settings)
+    return consistent(match_nodes(left, right, start, rows, cols, shift, limits_of(settings)), settings)
 
 
 def reduced(grey: np.ndarray, level: int) -> np.ndarray:

@@ -14,10 +14,11 @@ import numpy as np
 from orthomill.tasks.matching.dense.blocks import reduced
 from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, narrowed
 from orthomill.tasks.matching.volume.costs import Choice
-from orthomill.tasks.matching.volume.height_volume import HeightVolume, optimised
+from orthomill.tasks.matching.volume.height_volume import optimised, ranges_of
 from orthomill.tasks.matching.volume.paths import UNIT
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import signatures
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 from orthomill.tasks.matching.volume.winners import coherence
 
 PAIR_VOLUME = HeightVolume(window=7, small_penalty=0.42, large_penalty=1.25)
@@ -84,4 +85,4 @@ def _level(
 def _near(coarser: np.ndarray, shown: np.ndarray, planes: int, volume: HeightVolume) -> CellRanges:
     """Candidates of every pixel near those that the coarser level found around it."""
     cells = tuple(np.minimum(np.arange(n) // 2, m - 1) for n, m in zip(shown.shape, coarser.shape, strict=True))
-    return narrowed(coarser, cells, planes, volume.ranges)
+    return narrowed(coarser, cells, planes, ranges_of(volume))

@@ -22,13 +22,14 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import DenseMatching, consistent, moved_rows, residual_y_parallax
+from orthomill.tasks.matching.dense.blocks import consistent, limits_of, moved_rows, residual_y_parallax
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.epipolar_least_squares import NodeParallaxes, match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, PairStart, pair_start
 from orthomill.tasks.matching.dense.unevenness import unevenness
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
-from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 _MISPLACED = ((2, 0.3), (4, 0.05))
 """share of parallaxes that belong to the other side of a break that is at most so many px away (four scenes of Middlebury)"""
@@ -113,7 +114,7 @@ def nodes_near(left: np.ndarray, right: np.ndarray, start: PairStart, matching: 
     if np.isfinite(y_parallax):
         smooth_right = moved_rows(smooth_right, np.float32(y_parallax))
     rows, cols = (matching.step * np.arange(-1, -(-side // matching.step) + 1) for side in left.shape)
-    return consistent(match_nodes(smooth_left, smooth_right, surface, rows, cols, 0, matching.limits), matching)
+    return consistent(match_nodes(smooth_left, smooth_right, surface, rows, cols, 0, limits_of(matching)), matching)
 
 
 def _check_pair(left: np.ndarray, right: np.ndarray, low: float, high: float) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.guided.guided_settings import BandCorrelation
 
 INTERPOLATION = 0.05
 """px: standard error that a parabola through three correlations has even without noise"""
@@ -23,21 +23,6 @@ _LOCATED = np.uint8(Outcome.CONVERGED)
 _FLAT, _OUTSIDE, _UNLIKE, _AT_END = (
     np.uint8(code) for code in (Outcome.LOW_TEXTURE, Outcome.OUTSIDE, Outcome.LOW_CORRELATION, Outcome.MOVED_TOO_FAR)
 )
-
-
-class BandCorrelation(Settings):
-    """How a point is matched within its interval."""
-
-    template: int = setting(21, "Side of the template; an even number is taken as the next odd one.", "px", ge=5, le=101)
-    min_correlation: float = setting(0.8, "Correlation that a match must reach.", ge=-1.0, le=1.0)
-    min_deviation: float = setting(2.0, "Standard deviation that both windows must have.", "grey values", gt=0.0)
-    sub_pixel: bool = setting(
-        True, "Whether a parabola through three correlations refines the column; the publication stops at pixels."
-    )
-
-    @property
-    def half(self) -> int:
-        return self.template // 2
 
 
 class WindowNorms(NamedTuple):

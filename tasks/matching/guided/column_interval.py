@@ -11,42 +11,15 @@ Source: Karfis 2009, sections 6.3 and 6.4 (sources/epipolar.md#monoplotting, #co
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.guided.guided_settings import _DOUBLINGS, ColumnInterval
 from orthomill.tasks.visibility.monoplotting import follow_rays
-
-AUTO_SQUARE = 48.0
-"""px of the matched images along the side of the square: the 20 m of the publication at its 0.43 m"""
-_DOUBLINGS = 2
-
-
-class ColumnInterval(Settings):
-    """How far along its row the homologue of a pixel is searched."""
-
-    square: Literal["auto"] | float = setting(
-        "auto", "Side of the square about the point on the guide whose heights count; auto is 48 pixels of the matched images.", "m"
-    )
-    extremes: Literal["lowest_highest", "symmetric"] = setting(
-        "lowest_highest",
-        "The ends: the lowest and the highest height in the square, or as far below and above the point as those lie apart.",
-    )
-    min_points: int = setting(3, "With fewer points of the guide in the square it is doubled, twice at most.", ge=1, le=1000)
-    margin: float = setting(3.0, "Added on both sides.", "px of the matched images", ge=0.0, le=200.0)
-
-    def side(self, pixel: float) -> float:
-        """Side of the square, m; pixel: of the matched images on the ground, m."""
-        return AUTO_SQUARE * pixel if self.square == "auto" else float(self.square)
-
-    @staticmethod
-    def reach(side: float) -> float:
-        """How far from a point of the guide heights can count, m."""
-        return side / 2 * 2**_DOUBLINGS
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,29 +9,10 @@ itself among its neighbours a spike among fewer than eleven points can never be 
 Source: Karfis 2009, section 7.3 (sources/epipolar.md#spikes), check 19.
 """
 
-from typing import Literal
-
 import numpy as np
 from scipy.spatial import cKDTree
 
-from orthomill.schemas.settings import Settings, setting
-
-AUTO_RADIUS = 24.0
-"""px of the matched images: the 10 m of the publication at its 0.43 m"""
-
-
-class OutlierDetector(Settings):
-    """Removal of spikes from the points of a level."""
-
-    radius: Literal["auto"] | float = setting(
-        "auto", "Radius of the circle of neighbours; auto is 24 pixels of the matched images.", "m"
-    )
-    sigmas: float = setting(3.0, "Standard deviations of the neighbours by which a height may differ from their mean.", gt=0.0)
-    includes_point: bool = setting(False, "Whether the point that is tested counts among its neighbours.")
-
-    def reach(self, pixel: float) -> float:
-        """Radius, m; pixel: of the matched images on the ground, m."""
-        return AUTO_RADIUS * pixel if self.radius == "auto" else float(self.radius)
+from orthomill.tasks.matching.guided.guided_settings import OutlierDetector
 
 
 def without_spikes(points: np.ndarray, radius: float, settings: OutlierDetector) -> np.ndarray:

@@ -21,14 +21,8 @@ from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares import result_columns as column
 from orthomill.tasks.matching.least_squares.forward import match_forward
 from orthomill.tasks.matching.least_squares.inverse_compositional import match_inverse
-from orthomill.tasks.matching.least_squares.model import (
-    LEAST_AREA,
-    MOST_HALF,
-    Forward,
-    LeastSquaresMatching,
-    reach_of_window,
-    rules_of,
-)
+from orthomill.tasks.matching.least_squares.least_squares_settings import MOST_HALF, Forward, LeastSquaresMatching, reach_of_window
+from orthomill.tasks.matching.least_squares.model import LEAST_AREA, rules_of
 from orthomill.tasks.matching.least_squares.result_columns import Attempts, Found
 from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 from orthomill.tasks.matching.windows.sizes import WindowSizes, grey_levels, window_sizes

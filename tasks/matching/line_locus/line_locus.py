@@ -13,9 +13,9 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.line_locus.height_search import HeightSearch
+from orthomill.tasks.matching.line_locus.height_search_settings import HeightSearch
 from orthomill.tasks.matching.line_locus.node_order import Visits
-from orthomill.tasks.matching.line_locus.thresholds import TRIALS, WORTHS
+from orthomill.tasks.matching.line_locus.thresholds import TRIALS, WORTHS, threshold_limits
 from orthomill.tasks.matching.line_locus.window_correlation import (
     GreyImages,
     WindowBuffers,
@@ -110,7 +110,7 @@ def found_heights(
         per_pixel=metres_per_pixel,
         parabola=settings.fit == "parabola",
         measure=_MEASURES[settings.measure],
-        limits=settings.threshold.limits(settings.pixels),
+        limits=threshold_limits(settings.threshold, settings.pixels),
         found_passes=settings.passed_on == "found",
     )
     if len(images.frames):

@@ -8,13 +8,12 @@ are really different, and tests with these. It is a table over that worth, so th
 Source: Tumska, Procyk, Janczak (sources/line_locus.md#v2, #v3); Bartlett 1946; Sidak 1967.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
 from scipy.special import stdtrit
 
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.line_locus.height_search_settings import Threshold
 
 WORTHS = np.geomspace(1.0, 40000.0, 256)
 """independent pixels at which limits are tabulated; between them they are interpolated"""
@@ -22,42 +21,15 @@ TRIALS = np.geomspace(1.0, 400.0, 48)
 """different heights at which limits are tabulated"""
 
 
-class FixedThreshold(Settings):
-    """The same correlation for every window."""
-
-    kind: Literal["fixed"] = "fixed"
-    value: float = setting(0.6, "Correlation from which on a node counts as found.", ge=0.0, le=1.0)
-
-    def limits(self, pixels: int) -> np.ndarray:
-        """As `TTestThreshold.limits`."""
-        return np.full((len(TRIALS), len(WORTHS)), self.value)
-
-
-class TTestThreshold(Settings):
-    """The published t test: whether the correlation of so many pixels, taken as independent, could be chance in one trial."""
-
-    kind: Literal["t_test"] = "t_test"
-    error_probability: float = setting(0.001, "Probability that chance passes.", gt=0.0, lt=0.5)
-    sides: Literal["two", "one"] = setting("two", "Whether a negative correlation counts as significant as well.")
-
-    def limits(self, pixels: int) -> np.ndarray:
-        """Correlations (TRIALS, WORTHS) from which on a node counts as found, for windows of so many pixels."""
-        return np.full((len(TRIALS), len(WORTHS)), critical_correlation(pixels, self.error_probability, self.sides))
-
-
-class IndependentPixelsThreshold(Settings):
-    """A t test with the number of pixels that the texture makes independent, for the best of all heights that were tried."""
-
-    kind: Literal["independent_pixels"] = "independent_pixels"
-    error_probability: float = setting(0.01, "Probability that the best of all heights passes by chance.", gt=0.0, lt=0.5)
-
-    def limits(self, pixels: int) -> np.ndarray:
-        """As `TTestThreshold.limits`."""
-        single = 1.0 - (1.0 - self.error_probability) ** (1.0 / TRIALS[:, None])
+def threshold_limits(threshold: Threshold, pixels: int) -> np.ndarray:
+    """Correlations (TRIALS, WORTHS) from which on a node counts as found, for windows of so many pixels."""
+    if threshold.kind == "independent_pixels":
+        single = 1.0 - (1.0 - threshold.error_probability) ** (1.0 / TRIALS[:, None])
         return critical_correlation(WORTHS[None, :], single, "one")
-
-
-Threshold = Annotated[FixedThreshold | TTestThreshold | IndependentPixelsThreshold, Field(discriminator="kind")]
+    same: float | np.ndarray = threshold.value if threshold.kind == "fixed" else 0.0
+    if threshold.kind == "t_test":
+        same = critical_correlation(pixels, threshold.error_probability, threshold.sides)
+    return np.full((len(TRIALS), len(WORTHS)), same)
 
 
 def critical_correlation(

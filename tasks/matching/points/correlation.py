@@ -19,30 +19,9 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.settings import Settings, setting
+from orthomill.tasks.matching.points.point_settings import TemplateCorrelation
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 from orthomill.tasks.matching.smoothing import with_gaps
-
-
-class TemplateCorrelation(Settings):
-    """How points are matched by normalised correlation."""
-
-    template: int = setting(21, "Side of the template; an even number is taken as the next odd one.", "px", ge=5, le=101)
-    search: int = setting(201, "Side of the search window; the template stays inside.", "px", ge=7, le=2001)
-    min_correlation: float = setting(0.85, "Correlation that a match must reach.", ge=-1.0, le=1.0)
-    min_deviation: float = setting(2.0, "Standard deviation that both windows must have.", "grey values", gt=0.0)
-    max_return: float | None = setting(
-        2.0, "Largest distance from the point after matching back; null: matching back is omitted.", "px", ge=0.0
-    )
-
-    @property
-    def half(self) -> int:
-        return self.template // 2
-
-    @property
-    def reach(self) -> int:
-        """Largest distance of a place from its start, along rows and columns, px."""
-        return max(self.search // 2 - self.half, 1)
 
 
 @dataclass(frozen=True)

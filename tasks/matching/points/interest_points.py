@@ -23,34 +23,13 @@ from pydantic import Field
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import Window
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.settings import setting
+from orthomill.tasks.matching.points.point_settings import HarrisPoints, _Detector
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
-from orthomill.tasks.matching.smoothing import reach_of, smoothed, with_gaps
+from orthomill.tasks.matching.smoothing import smoothed, with_gaps
 
 _PREWITT = 6.0
 """response of the mask to a slope of one grey value per px"""
-
-
-class _Detector(Settings):
-    sigma: float = setting(1.5, "Sigma of the Gaussian that the products of gradients are averaged with.", "px", ge=0.5, le=5.0)
-    radius: int = setting(3, "A point is the strongest within this distance along rows and columns.", "px", ge=1, le=50)
-
-    @property
-    def reach(self) -> int:
-        """Pixels around a tile that its points depend on."""
-        return 1 + 2 * reach_of(self.sigma) + self.radius
-
-
-class HarrisPoints(_Detector):
-    """Harris operator with Noble's measure."""
-
-    kind: Literal["harris"] = "harris"
-    min_strength: float = setting(
-        3000.0,
-        "Noble's measure that a point must exceed, for grey values of 0 to 255 and undivided Prewitt masks.",
-        "grey values^2",
-        gt=0.0,
-    )
 
 
 class FoerstnerPoints(_Detector):

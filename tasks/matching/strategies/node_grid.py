@@ -11,8 +11,8 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import Matches, PreparedImage, chosen_windows, match_points, prepare
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
 from orthomill.tasks.matching.strategies.match_tables import moved, rejected
 
 

@@ -13,19 +13,15 @@ import numpy as np
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.tasks.matching.windows.measures import entropy, gradient_weights, statistics
-from orthomill.tasks.matching.windows.sizes import (
+from orthomill.tasks.matching.windows.sizes import GreyLevels, crossings, growth_of, nearest_pixels, stalled
+from orthomill.tasks.matching.windows.window_settings import (
     CombinedWindow,
     EntropyWindow,
     FixedWindow,
     FoerstnerWindow,
-    GreyLevels,
     LimitedWindow,
     StatisticalWindow,
     WindowSizing,
-    crossings,
-    growth_of,
-    nearest_pixels,
-    stalled,
 )
 
 LIMITS = {StatisticalWindow: "min_deviation", EntropyWindow: "min_entropy", FoerstnerWindow: "min_weight"}

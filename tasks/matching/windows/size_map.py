@@ -9,7 +9,8 @@ Source: Skarlatos (sources/matching.md#size-map).
 import numpy as np
 
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.windows.sizes import GreyLevels, WindowSizing, window_sizes
+from orthomill.tasks.matching.windows.sizes import GreyLevels, window_sizes
+from orthomill.tasks.matching.windows.window_settings import WindowSizing
 
 _ROWS = 64
 """rows of a tile that are sized at a time"""

@@ -13,7 +13,8 @@ import numpy as np
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.camera_findings import InteriorFixed, InteriorUndetermined, InteriorUnweighted
-from orthomill.tasks.adjustment.model.interior import InteriorChoice, camera_covariance, given_sigmas
+from orthomill.tasks.adjustment.model.interior import camera_covariance, given_sigmas
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed

@@ -1,15 +1,12 @@
 """What a workflow decides of the block adjustment, and what follows from the photographs where it decides nothing."""
 
-from typing import Literal
-
 import numpy as np
 
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.settings import Settings
-from orthomill.tasks.adjustment.model.image_variation import NoVariation, VariationChoice
-from orthomill.tasks.adjustment.model.interior import InteriorChoice
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice, NoVariation, VariationChoice
+from orthomill.tasks.orientation.orientation_settings import Looking, ShiftChoice
 from orthomill.tasks.orientation.start.georeference import Known
-from orthomill.tasks.orientation.start.up_direction import Looking
 
 LEVER_SIGMA = 0.05
 """m: by which positions that a receiver has reduced to the camera still miss it: several lenses in one housing, a time between
@@ -20,9 +17,6 @@ VERTICAL_DEG = {"gimbal": 1.0, "aircraft": 3.0}
 mounted to half a degree; an aircraft leans, and its camera with it."""
 ASSUMED_DEG = 5.0
 """The same for attitudes of unknown origin, and for the assumption that photographs look straight down on average."""
-
-ShiftChoice = Literal["auto", "constant", "none"]
-"""Whether positions have constant errors that are adjusted: where the sources demand it, one that is common to all, or never"""
 
 
 class BlockChoices(Settings):

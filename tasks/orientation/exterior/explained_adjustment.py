@@ -9,14 +9,14 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.bundle import BlunderTest
-from orthomill.tasks.adjustment.model.interior import InteriorChoice
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
 from orthomill.tasks.orientation.block.assembly import Problem
 from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.demanded_parameters import adjust_with_demanded, held_by_rule
-from orthomill.tasks.orientation.exterior.block_choices import ShiftChoice
 from orthomill.tasks.orientation.exterior.predicted_errors import with_predicted_errors
+from orthomill.tasks.orientation.orientation_settings import ShiftChoice
 from orthomill.tasks.orientation.sources.block_sources import BlockSources, block_sources, with_offsets
 from orthomill.tasks.orientation.sources.causes import DETERMINED
 from orthomill.tasks.orientation.sources.elevation_model import ElevationModel

@@ -19,8 +19,9 @@ from orthomill.tasks.geometry.fixed_intersection import FixedIntersection, Measu
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.exterior.fixed_block_doubts import elsewhere, rays_that_do_not_meet, tie_points_misfit
-from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
+from orthomill.tasks.orientation.exterior.sources import read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, upright_block
+from orthomill.tasks.orientation.orientation_settings import ForeignSource
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.start.similarity import Similarity, VerticalityConstraint, fit_similarity
 

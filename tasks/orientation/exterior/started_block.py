@@ -9,8 +9,9 @@ from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.exterior.fixed_block import placed_block
-from orthomill.tasks.orientation.exterior.sources import ForeignSource, read_foreign
+from orthomill.tasks.orientation.exterior.sources import read_foreign
 from orthomill.tasks.orientation.interchange.foreign_block import upright_block
+from orthomill.tasks.orientation.orientation_settings import ForeignSource
 from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.sources.elevation_model import Lattice
 

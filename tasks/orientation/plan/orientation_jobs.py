@@ -16,8 +16,8 @@ from orthomill.tasks.orientation.examined.overlap_map import OVERLAP, SIDE, over
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
-from orthomill.tasks.orientation.exterior.sources import ForeignSource
 from orthomill.tasks.orientation.exterior.started_block import orient_from
+from orthomill.tasks.orientation.orientation_settings import ForeignSource
 from orthomill.tasks.orientation.plan.control_jobs import Reads, control_job
 from orthomill.tasks.orientation.plane.block_on_plane import PLANE, SURVEY_BLOCK, SURVEY_POINTS, block_on_plane
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs

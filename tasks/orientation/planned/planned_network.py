@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
-from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, WeightedInterior, camera_covariance, interior_prior
+from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, camera_covariance, interior_prior
+from orthomill.tasks.adjustment.model.interior_settings import WeightedInterior
 from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Interior, Network, Rays, State, common_shift
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.block.self_calibration import AREAS, determinable_without_control

@@ -13,7 +13,8 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera, lens_parameters
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, InteriorChoice, camera_covariance
+from orthomill.tasks.adjustment.model.interior import UNKNOWN_SIGMA, camera_covariance
+from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Interior
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Covariances

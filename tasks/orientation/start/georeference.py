@@ -24,6 +24,7 @@ from orthomill.schemas.findings.datum_findings import (
 )
 from orthomill.schemas.raster import NO_UNIT
 from orthomill.tasks.adjustment.model.network import Network, State
+from orthomill.tasks.orientation.orientation_settings import Looking
 from orthomill.tasks.orientation.start.dominant_plane import dominant_plane
 from orthomill.tasks.orientation.start.similarity import (
     Similarity,
@@ -33,7 +34,7 @@ from orthomill.tasks.orientation.start.similarity import (
     fit_similarity,
     turn_precision,
 )
-from orthomill.tasks.orientation.start.up_direction import DOWN, Basis, Looking, expected_up, up_direction
+from orthomill.tasks.orientation.start.up_direction import DOWN, Basis, expected_up, up_direction
 
 WEAK_TURN = np.radians(1.0)
 """A rotation about the line of the known points that is less precise needs the verticality constraint: one degree moves the ground

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-Looking = Literal["auto", "down", "level"]
+from orthomill.tasks.orientation.orientation_settings import Looking
+
 Basis = Literal["attitude", "down", "level"]
 
 DOWN, TOP = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])

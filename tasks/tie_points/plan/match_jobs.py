@@ -4,7 +4,7 @@ from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Job, Raster, Stream
 from orthomill.schemas.photo import Photo, Photos, photo_raster
 from orthomill.schemas.raster import Window
-from orthomill.tasks.tie_points.correlation_search import CorrelationSearch, correlate_pair
+from orthomill.tasks.tie_points.correlation_search import correlate_pair
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, MatchCounts
 from orthomill.tasks.tie_points.matched_features import keep_matched
 from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
@@ -19,6 +19,7 @@ from orthomill.tasks.tie_points.plan.tie_point_tables import (
     pair_tables,
     search_level,
 )
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tracks_of_kept
 

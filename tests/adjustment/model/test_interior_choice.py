@@ -5,15 +5,8 @@ import pytest
 from pydantic import ValidationError
 
 from orthomill.schemas.camera import INTERIOR, Camera
-from orthomill.tasks.adjustment.model.interior import (
-    NOMINAL_SIGMA,
-    FixedInterior,
-    FreeInterior,
-    WeightedInterior,
-    camera_covariance,
-    given_sigmas,
-    interior_prior,
-)
+from orthomill.tasks.adjustment.model.interior import NOMINAL_SIGMA, camera_covariance, given_sigmas, interior_prior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, FreeInterior, WeightedInterior
 
 EXIF = Camera(name="exif", width=2000, height=1000, c=1500.0, source="exif")
 FIXED, WEIGHTED, FREE = FixedInterior(kind="fixed"), WeightedInterior(kind="weighted"), FreeInterior(kind="free")

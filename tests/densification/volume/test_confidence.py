@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import standard_errors
-from orthomill.tasks.densification.volume.confidence import Confidence, ConfidenceLimits, JudgedTile, judged
+from orthomill.tasks.densification.volume.confidence import Confidence, JudgedTile, judged
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, Band, Judgement, judgement, quality_bands
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 

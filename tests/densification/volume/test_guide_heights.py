@@ -8,8 +8,9 @@ from village_pair import block_of, normal_case
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.raster import MapGrid
-from orthomill.tasks.densification.line_locus.locus_block import LineLocus
-from orthomill.tasks.densification.volume.guide_heights import GuidedTerrain, GuideFile, TiePointGuide, guided_terrain
+from orthomill.tasks.densification.settings.guide_settings import GuideFile, TiePointGuide
+from orthomill.tasks.densification.settings.line_locus_settings import LineLocus
+from orthomill.tasks.densification.volume.guide_heights import GuidedTerrain, guided_terrain
 
 GRID = MapGrid(west=0.0, north=0.0, cell=20.0, rows=8, cols=9)
 BLOCK = block_of(normal_case(420))

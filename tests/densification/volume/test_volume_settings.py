@@ -6,8 +6,9 @@ from textured_box import SURFACE, photos, pyramid, scene_block
 from orthomill.tasks.densification.volume.levels import VolumeScene
 from orthomill.tasks.densification.volume.quality import Band
 from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, solve_volume, volume_tiles
-from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.matching.volume.height_volume import comparison_of, ranges_of
 from orthomill.tasks.matching.volume.paths import UNIT
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 
 def finest(settings: HeightVolume, coarser: float = 0.0) -> SolvedVolume:
@@ -61,6 +62,6 @@ def test_less_doubt_leaves_fewer_rivals():
 
 def test_rules_follow_the_settings():
     settings = HeightVolume(margin=3, reach=2, most_heights=40, mean_heights=20, compared=3, best_share=0.4, blank=0.3)
-    ranges, comparison = settings.ranges, settings.comparison
+    ranges, comparison = ranges_of(settings), comparison_of(settings)
     assert (ranges.margin, ranges.reach, ranges.most, ranges.mean) == (3, 2, 48, 32) and ranges.most % UNIT == 0
     assert (comparison.most, comparison.share, comparison.blank) == (3, 0.4, 0.3)

@@ -14,12 +14,12 @@ from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.plan.volume_jobs import volume_height, volume_plan, volume_quality
-from orthomill.tasks.densification.volume.confidence import ConfidenceLimits
+from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, STRETCH_UNIT, Band
 from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_scratch, volume_tiles
-from orthomill.tasks.matching.volume.height_volume import HeightVolume
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 SETTINGS = HeightVolume(widest=32)
 

@@ -16,14 +16,12 @@ from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
-from orthomill.tasks.densification.guided.guided_matching import Guided, LevelsGuide, PixelPass
 from orthomill.tasks.densification.plan.guided_jobs import guide_raster
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
+from orthomill.tasks.densification.settings.guided_matching import Guided, LevelsGuide, PixelPass
 from orthomill.tasks.densification.stage import DensificationStage
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
-from orthomill.tasks.matching.guided.band_correlation import BandCorrelation
-from orthomill.tasks.matching.guided.column_interval import ColumnInterval
-from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector
+from orthomill.tasks.matching.guided.guided_settings import BandCorrelation, ColumnInterval, OutlierDetector
 
 GUIDED = Guided(
     kind="guided", thresholds=(2000.0, 1000.0, 400.0, 150.0), reduction=1, pixels=PixelPass(step=2, min_entropy=3.0), rows="auto"

@@ -18,11 +18,11 @@ from orthomill.schemas.surface import COUNT, HEIGHT, MEASURED, PRECISION, PROVEN
 from orthomill.tasks.densification.line_locus.node_markers import BLACK, MARKERS, WHITE
 from orthomill.tasks.densification.plan.line_jobs import LINE_NODES, LINE_OUTCOME
 from orthomill.tasks.densification.plan.volume_jobs import TERRAIN
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.stage import DensificationStage, VerticalLineLocus
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.imagery.pyramid import halved
-from orthomill.tasks.matching.line_locus.thresholds import FixedThreshold
+from orthomill.tasks.matching.line_locus.height_search_settings import FixedThreshold
 
 STAGE = DensificationStage(matching=VerticalLineLocus(kind="vertical_line_locus", window=15, block=48))
 

@@ -17,15 +17,15 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import HEIGHT, MEASURED, PRECISION, PROVENANCE, SURFACE
 from orthomill.tasks.densification.plan.near_model_jobs import MODEL
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
+from orthomill.tasks.densification.settings.guide_settings import GuideFile
+from orthomill.tasks.densification.settings.pair_strategy_settings import Cascade, CoarseToFine, Growing
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.strategies.near_model import NearModel, model_area
-from orthomill.tasks.densification.strategies.pair_strategies import Cascade, CoarseToFine, Growing
-from orthomill.tasks.densification.volume.guide_heights import GuideFile
 from orthomill.tasks.matching.guided.column_interval import GuidePosts
-from orthomill.tasks.matching.least_squares.model import Ellipse, LeastSquaresMatching, Square
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing
-from orthomill.tasks.matching.windows.sizes import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.windows.window_settings import CombinedWindow, EntropyWindow, FoerstnerWindow, StatisticalWindow
 
 LEVELS = PyramidMatching(levels=3)
 WAYS = {

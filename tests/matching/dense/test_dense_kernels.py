@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.blocks import limits_of
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.epipolar_least_squares import match_nodes
 from orthomill.tasks.matching.dense.node_surfaces import (
     NodeLattice,
@@ -322,7 +323,7 @@ def test_nodes_that_cannot_succeed_say_so():
     # On the left another texture, on the right nothing that the right image shows.
     left[:, :30] = textured((60, 30), 9)
     start, rows, cols = StartSurface(np.full((60, 70), 12.0, np.float32), 1), np.arange(10, 50, 2), np.arange(10, 66, 2)
-    nodes = match_nodes(left, right[:, :56].copy(), start, rows, cols, 18, DenseMatching().limits)
+    nodes = match_nodes(left, right[:, :56].copy(), start, rows, cols, 18, limits_of(DenseMatching()))
     assert (nodes.outcome[:, cols < 20] == Outcome.LOW_CORRELATION).mean() > 0.9
     assert (nodes.outcome[:, (cols > 38) & (cols < 44)] == Outcome.CONVERGED).all()
     assert (nodes.outcome[:, cols > 60] == Outcome.OUTSIDE).all()

@@ -10,7 +10,6 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.dense.blocks import (
     BLOCK,
     HALO,
-    DenseMatching,
     ParallaxRange,
     left_window,
     moved_rows,
@@ -19,6 +18,7 @@ from orthomill.tasks.matching.dense.blocks import (
     right_window,
     scratch_bytes,
 )
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 from orthomill.tasks.matching.dense.pair_start import pair_start
 from orthomill.tasks.matching.smoothing import with_gaps

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import HALO, DenseMatching, ParallaxRange, consistent, reduced, refined_block
+from orthomill.tasks.matching.dense.blocks import HALO, ParallaxRange, consistent, limits_of, reduced, refined_block
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.epipolar_least_squares import EpipolarLimits, NodeParallaxes, match_nodes, stated_variance
 from orthomill.tasks.matching.dense.node_surfaces import StartSurface
 
@@ -38,7 +39,7 @@ def stepped_nodes(**changes) -> np.ndarray:
     parallax = np.where(np.arange(120) < 60, 10.0, 12.0) * np.ones((60, 1))
     left, right = pair_of(parallax, 24)
     rows, cols = np.arange(12, 48, 2), np.array([57, 58, 61, 62])
-    limits = DenseMatching(edge_window=9, smoothing=0.0, min_correlation=0.0, **changes).limits
+    limits = limits_of(DenseMatching(edge_window=9, smoothing=0.0, min_correlation=0.0, **changes))
     found = match_nodes(left, right, StartSurface(parallax.astype(np.float32), 1), rows, cols, 24, limits)
     return np.abs(found.parallax - parallax[np.ix_(rows, cols)])
 
@@ -92,7 +93,7 @@ def test_nodes_of_a_plane_lie_on_the_plane(level, along, across):
     plane = level + along * (col - 32) + across * (row - 24)
     left, right = pair_of(plane, 32)
     rows, cols = np.arange(16, 34, 3), np.arange(24, 42, 3)
-    limits = DenseMatching(smoothing=0.0).limits
+    limits = limits_of(DenseMatching(smoothing=0.0))
     found = match_nodes(left, right, StartSurface(np.rint(plane).astype(np.float32), 1), rows, cols, 32, limits)
     error = np.abs(found.parallax - plane[np.ix_(rows, cols)])
     assert np.isfinite(error).mean() > 0.95 and np.nanmax(error) < 0.1
@@ -101,7 +102,7 @@ def test_nodes_of_a_plane_lie_on_the_plane(level, along, across):
 def test_gain_and_offset_do_not_move_the_nodes():
     left, right = pair_of(np.full((48, 64), 9.0), 32)
     start, rows, cols = StartSurface(np.full((48, 64), 9.0, np.float32), 1), np.arange(16, 34), np.arange(24, 42)
-    limits = DenseMatching(smoothing=0.0).limits
+    limits = limits_of(DenseMatching(smoothing=0.0))
     plain, darker = (match_nodes(left, grey, start, rows, cols, 32, limits) for grey in (right, 0.5 * right + np.float32(30.0)))
     assert np.nanmax(np.abs(plain.parallax - darker.parallax)) < 1e-3
     assert np.nanmax(np.abs(plain.correlation - darker.correlation)) < 1e-3
@@ -118,7 +119,7 @@ def test_gain_and_offset_do_not_move_the_nodes():
 )
 def test_every_limit_has_its_outcome(changes, outcome):
     left, right = pair_of(np.full((48, 64), 9.3), 32)
-    limits: EpipolarLimits = DenseMatching(smoothing=0.0).limits._replace(**changes)
+    limits: EpipolarLimits = limits_of(DenseMatching(smoothing=0.0))._replace(**changes)
     start = StartSurface(np.full((48, 64), 9.0, np.float32), 1)
     found = match_nodes(left, right, start, np.array([20, 24]), np.array([30, 34]), 32, limits)
     assert (found.outcome == outcome).all() and np.isnan(found.parallax).all() and np.isnan(found.sigma).all()
@@ -173,7 +174,7 @@ def bent_nodes(**changes) -> NodeParallaxes:
     """Nodes of a surface that bends, from a start that has its rough shape."""
     truth = (12.0 + 2.0 * np.sin(np.arange(140) / 6.0)) * np.ones((96, 1))
     left, right = pair_of(truth, 32)
-    limits = DenseMatching(smoothing=0.0, **changes).limits
+    limits = limits_of(DenseMatching(smoothing=0.0, **changes))
     rows, cols = np.arange(24, 72, 2), np.arange(30, 110, 2)
     found = match_nodes(left, right, StartSurface(truth.astype(np.float32), 1), rows, cols, 32, limits)
     return found._replace(parallax=found.parallax - truth[np.ix_(rows, cols)].astype(np.float32))
@@ -191,7 +192,7 @@ def weak_nodes(**changes) -> NodeParallaxes:
     left, right = (
         (128.0 + 0.12 * (image - 128.0) + random.normal(0, 2.0, image.shape)).astype(np.float32) for image in (left, right)
     )
-    limits = DenseMatching(smoothing=0.0, min_gradient=0.0, min_correlation=0.0, **changes).limits
+    limits = limits_of(DenseMatching(smoothing=0.0, min_gradient=0.0, min_correlation=0.0, **changes))
     start = StartSurface(np.full((120, 140), 12.0, np.float32), 1)
     return match_nodes(left, right, start, np.arange(40, 80, 2), np.arange(40, 100, 2), 32, limits)
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.dense.blocks import DenseMatching
+from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, pair_start
 from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, break_variance, hidden, match_pair
 

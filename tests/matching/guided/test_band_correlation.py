@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.guided.band_correlation import BandCorrelation, BandPlaces, band_places, column_sigmas, window_norms
+from orthomill.tasks.matching.guided.band_correlation import BandPlaces, band_places, column_sigmas, window_norms
+from orthomill.tasks.matching.guided.guided_settings import BandCorrelation
 
 RULES = BandCorrelation(template=11)
 

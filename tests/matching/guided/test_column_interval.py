@@ -8,7 +8,8 @@ from village_pair import normal_case, parallax_of
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.geometry.epipolar_window import left_pixels
 from orthomill.tasks.geometry.normal_case import intersect_pair
-from orthomill.tasks.matching.guided.column_interval import ColumnInterval, GuidePosts, parallax_intervals
+from orthomill.tasks.matching.guided.column_interval import GuidePosts, parallax_intervals
+from orthomill.tasks.matching.guided.guided_settings import ColumnInterval
 
 PAIR = normal_case(420)
 POSTS = MapGrid(west=-20.0, north=20.0, cell=5.0, rows=50, cols=50)

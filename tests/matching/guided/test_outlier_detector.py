@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector, without_spikes
+from orthomill.tasks.matching.guided.guided_settings import OutlierDetector
+from orthomill.tasks.matching.guided.outlier_detector import without_spikes
 
 
 def cloud(seed: int = 1, count: int = 900, noise: float = 0.3) -> np.ndarray:

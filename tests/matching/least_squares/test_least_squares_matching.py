@@ -12,8 +12,14 @@ from scipy.ndimage import map_coordinates
 
 from benchmarks.matching.published_recipe import PUBLISHED, published
 from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.matching.least_squares.least_squares_settings import (
+    Ellipse,
+    Forward,
+    InverseCompositional,
+    LeastSquaresMatching,
+    Square,
+)
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points, prepare
-from orthomill.tasks.matching.least_squares.model import Ellipse, Forward, InverseCompositional, LeastSquaresMatching, Square
 from orthomill.tasks.matching.smoothing import gaussian_weights, smoothed, with_gaps
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from orthomill.tasks.matching.least_squares.least_squares_settings import Forward, LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import PreparedImage, match_points
-from orthomill.tasks.matching.least_squares.model import GRADIENTS, Forward, LeastSquaresMatching
+from orthomill.tasks.matching.least_squares.model import GRADIENTS
 from orthomill.tasks.matching.least_squares.small_systems import factor, solve
 
 HALF, PIXEL, START = 4, np.array([30, 28]), np.array([31.3, 27.6])

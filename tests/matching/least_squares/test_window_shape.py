@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.matching.least_squares.model import Ellipse, Square, reach_of_window
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, Square, reach_of_window
 from orthomill.tasks.matching.least_squares.window_shape import ellipse_axes, ellipse_window, pixels_of, square_window
 
 

@@ -8,15 +8,15 @@ from scipy import ndimage
 from scipy import stats as distributions
 
 from orthomill.tasks.geometry.view import ViewNumbers
-from orthomill.tasks.matching.line_locus.height_search import HeightSearch
-from orthomill.tasks.matching.line_locus.line_locus import NodeLines, found_heights
-from orthomill.tasks.matching.line_locus.node_order import visits
-from orthomill.tasks.matching.line_locus.thresholds import (
+from orthomill.tasks.matching.line_locus.height_search_settings import (
     FixedThreshold,
+    HeightSearch,
     IndependentPixelsThreshold,
     TTestThreshold,
-    critical_correlation,
 )
+from orthomill.tasks.matching.line_locus.line_locus import NodeLines, found_heights
+from orthomill.tasks.matching.line_locus.node_order import visits
+from orthomill.tasks.matching.line_locus.thresholds import critical_correlation, threshold_limits
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImage, GreyImages
 
 PUBLISHED = {25: (0.1313, 0.1234), 45: (0.0731, 0.0686), 65: (0.0506, 0.0475), 85: (0.0387, 0.0363)}
@@ -26,7 +26,9 @@ PUBLISHED = {25: (0.1313, 0.1234), 45: (0.0731, 0.0686), 65: (0.0506, 0.0475), 8
 def test_critical_correlations_are_the_published_ones(side, expected):
     for value, sides in zip(expected, ("two", "one"), strict=True):
         assert float(critical_correlation(side**2, 0.001, sides)) == pytest.approx(value, abs=1e-4)
-        assert TTestThreshold(error_probability=0.001, sides=sides).limits(side**2).max() == pytest.approx(value, abs=1e-4)
+        assert threshold_limits(TTestThreshold(error_probability=0.001, sides=sides), side**2).max() == pytest.approx(
+            value, abs=1e-4
+        )
 
 
 @given(st.integers(3, 100000), st.floats(1e-6, 0.4))
@@ -40,11 +42,11 @@ def test_the_t_value_of_a_critical_correlation_is_critical(pixels, error):
 def test_the_critical_correlation_falls_to_zero_and_two_pixels_say_nothing():
     assert float(critical_correlation(1e12, 0.001)) < 1e-5
     assert float(critical_correlation(2, 0.001)) == 1.0
-    assert (FixedThreshold(value=0.7).limits(625) == 0.7).all()
+    assert (threshold_limits(FixedThreshold(value=0.7), 625) == 0.7).all()
 
 
 def test_fewer_independent_pixels_and_more_trials_ask_for_more():
-    limits = IndependentPixelsThreshold(error_probability=0.01).limits(625)
+    limits = threshold_limits(IndependentPixelsThreshold(error_probability=0.01), 625)
     assert (np.diff(limits, axis=1) <= 0).all() and (np.diff(limits, axis=0) >= 0).all()
 
 

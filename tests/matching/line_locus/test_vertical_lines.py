@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.geometry.view import ViewNumbers
-from orthomill.tasks.matching.line_locus.height_search import HeightSearch, rounds
+from orthomill.tasks.matching.line_locus.height_search_settings import HeightSearch, rounds
 from orthomill.tasks.matching.line_locus.line_locus import NodeLines, found_heights
 from orthomill.tasks.matching.line_locus.node_order import visits
 from orthomill.tasks.matching.line_locus.window_correlation import (

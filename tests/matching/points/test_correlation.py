@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate, correlation_surface
+from orthomill.tasks.matching.points.correlation import correlate, correlation_surface
+from orthomill.tasks.matching.points.point_settings import TemplateCorrelation
 from orthomill.tasks.matching.points.sub_pixel import paraboloid_peaks
 
 SETTINGS = TemplateCorrelation(template=15, search=45)

@@ -7,13 +7,13 @@ from scipy import ndimage
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.tasks.matching.points.interest_points import (
     FoerstnerPoints,
-    HarrisPoints,
     InterestPoints,
     interest_points,
     roundness,
     strength,
     structure_tensor,
 )
+from orthomill.tasks.matching.points.point_settings import HarrisPoints
 
 DETECTORS = (HarrisPoints(), FoerstnerPoints())
 each_detector = pytest.mark.parametrize("detector", DETECTORS, ids=lambda detector: detector.kind)

@@ -14,7 +14,7 @@ from benchmarks.matching.matching_surfaces import QUICK_WINDOW, dense_page
 from benchmarks.matching.matching_windows import SIZES, STRATEGIES, differences, measured, settings_of, sizings, strategies
 from benchmarks.matching.matching_workers import workers_page
 from benchmarks.matching.published_recipe import published
-from orthomill.tasks.matching.least_squares.model import Ellipse, Square
+from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, Square
 
 
 @pytest.fixture(scope="module")

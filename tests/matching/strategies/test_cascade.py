@@ -8,7 +8,8 @@ from benchmarks.matching.dissertation_surface import true_matches
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.least_squares.matching import match_points
-from orthomill.tasks.matching.strategies.cascade import CascadeMatching, match_cascade
+from orthomill.tasks.matching.strategies.cascade import match_cascade
+from orthomill.tasks.matching.strategies.cascade_settings import CascadeMatching
 
 CASCADE = CascadeMatching()
 

@@ -7,8 +7,9 @@ from benchmarks.matching.dissertation_pair import NOISY, PairCrop, ground_textur
 from benchmarks.matching.dissertation_surface import true_matches
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange, halo, halved_part, match_pyramid
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange, halo, halved_part, match_pyramid
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
 
 SETTINGS = PyramidMatching(levels=3)
 NARROW = PyramidMatching(levels=2, wide_window=21)

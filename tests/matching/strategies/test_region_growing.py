@@ -7,10 +7,12 @@ from benchmarks.matching.dissertation_pair import PairCrop, ground_texture, pair
 from benchmarks.matching.dissertation_surface import true_matches
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.strategies.coarse_to_fine import PyramidMatching, SearchRange
+from orthomill.tasks.matching.strategies.coarse_to_fine import SearchRange
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.growth_queue import pop_each, push, push_neighbours, queues_for
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, Seeds, found_seeds, grow, halo, region_cover
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import Seeds, found_seeds, grow, halo, region_cover
 
 ONE = RegionGrowing(region=0)
 PARTS = RegionGrowing(region=6, crossings=1, seeds=1)

@@ -7,11 +7,13 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.least_squares.matching import Matches
-from orthomill.tasks.matching.strategies.coarse_to_fine import Field, PyramidMatching, SearchRange, halo
+from orthomill.tasks.matching.strategies.coarse_to_fine import Field, SearchRange, halo
+from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.growth_queue import PRIORITIES, pop_each, push, push_neighbours, queues_for
 from orthomill.tasks.matching.strategies.match_tables import merged, moved, rejected, taken
 from orthomill.tasks.matching.strategies.node_grid import GridMatches, ImagePart, NodeGrid, agreeing, agreement, from_neighbours
-from orthomill.tasks.matching.strategies.region_growing import RegionGrowing, region_cover
+from orthomill.tasks.matching.strategies.pyramid_settings import PyramidMatching
+from orthomill.tasks.matching.strategies.region_growing import region_cover
 
 AFFINE, ORIGIN = np.array([[1.02, -0.03], [0.04, 0.97]]), np.array([12.5, -3.25])
 UNIT = np.array([1.0, 0.0, 0.0, 1.0])

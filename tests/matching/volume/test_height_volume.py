@@ -9,7 +9,7 @@ from textured_plane import photograph, texture, views
 
 from orthomill.tasks.matching.volume.candidates import all_planes, bounded
 from orthomill.tasks.matching.volume.costs import MOST_STRETCHED, Choice
-from orthomill.tasks.matching.volume.height_volume import HeightVolume, optimised, scratch_bytes
+from orthomill.tasks.matching.volume.height_volume import optimised, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
     PhotographPixels,
@@ -20,6 +20,7 @@ from orthomill.tasks.matching.volume.rectified_photograph import (
     reference_plane,
 )
 from orthomill.tasks.matching.volume.signatures import signatures
+from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 CELLS = CellFrame(x=-6.0, y=6.0, cell=0.2, rows=60, cols=60)
 SMALL = HeightVolume(window=5)

@@ -14,12 +14,6 @@ from orthomill.tasks.matching.windows.calibration import calibrated, last_limits
 from orthomill.tasks.matching.windows.measures import WindowGrowth, border_rooms, data_rooms, entropy, gradient_weights, statistics
 from orthomill.tasks.matching.windows.size_map import halo, published_levels, size_map
 from orthomill.tasks.matching.windows.sizes import (
-    CombinedWindow,
-    EntropyWindow,
-    FixedWindow,
-    FoerstnerWindow,
-    StatisticalWindow,
-    WindowSizing,
     chosen_size,
     entropy_choice,
     foerstner_choice,
@@ -27,6 +21,14 @@ from orthomill.tasks.matching.windows.sizes import (
     growth_of,
     statistical_choice,
     window_sizes,
+)
+from orthomill.tasks.matching.windows.window_settings import (
+    CombinedWindow,
+    EntropyWindow,
+    FixedWindow,
+    FoerstnerWindow,
+    StatisticalWindow,
+    WindowSizing,
 )
 
 METHODS = (FixedWindow(window=11), StatisticalWindow(), EntropyWindow(), FoerstnerWindow(), CombinedWindow())

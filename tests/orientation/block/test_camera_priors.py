@@ -9,7 +9,7 @@ from small_network import INTERIOR_VALUES, more_control, small_network
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.findings.camera_findings import ConstantContradicted, InteriorFixed, InteriorUndetermined, InteriorUnweighted
 from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
-from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, WeightedInterior
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.orientation.block import camera_constant
 from orthomill.tasks.orientation.block.camera_constant import FARTHEST, adjust_tested, doubtful_constants, with_free_constants

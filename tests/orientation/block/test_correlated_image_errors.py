@@ -6,7 +6,7 @@ import numpy as np
 from orienting import orient, sentences
 from simulated_block import turned_upright, two_strips
 
-from orthomill.tasks.adjustment.model.interior import FreeInterior
+from orthomill.tasks.adjustment.model.interior_settings import FreeInterior
 from orthomill.tasks.adjustment.testing.error_fields import TERMS, field_basis
 
 RMS = 1.0

@@ -8,7 +8,7 @@ from simulated_block import block_of, view
 from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.findings.camera_findings import InteriorDemanded
 from orthomill.schemas.findings.datum_findings import BlockBent
-from orthomill.tasks.adjustment.model.interior import FixedInterior, WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, WeightedInterior
 
 NOMINAL = Camera(name="cam", width=1600, height=1300, c=1900.0, source="exif")
 TRUE = NOMINAL.model_copy(update={"c": 1955.0, "x0": -13.0, "y0": -14.0, "lens": BrownLens(k1=-0.40, k2=0.30, k3=-0.25)})

@@ -8,14 +8,8 @@ from orienting import orient, standardised_orientation
 from simulated_block import TRUE_CAMERA, calibrated, simulate, view
 
 from orthomill.schemas.camera import INTERIOR
-from orthomill.tasks.adjustment.model.image_variation import (
-    FrameMotion,
-    NoVariation,
-    RollingShutter,
-    Stabilised,
-    Zoomed,
-    variation_of,
-)
+from orthomill.tasks.adjustment.model.image_variation import FrameMotion, variation_of
+from orthomill.tasks.adjustment.model.interior_settings import NoVariation, RollingShutter, Stabilised, Zoomed
 from orthomill.tasks.orientation.block.frame_motion import _velocities
 
 CAMERA = TRUE_CAMERA.model_copy(update={"pixel_um": None})

@@ -10,7 +10,7 @@ from simulated_block import DRONE, one_strip, photo_of, simulate, two_strips, vi
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.interior import FixedInterior, FreeInterior, WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, FreeInterior, WeightedInterior
 from orthomill.tasks.orientation.report.block_report import report
 
 

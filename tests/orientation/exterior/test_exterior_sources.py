@@ -5,7 +5,8 @@ import json
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from orthomill.tasks.orientation.exterior.sources import ExteriorSource, FromAngles, FromColmap, FromOpensfm, read_foreign
+from orthomill.tasks.orientation.exterior.sources import read_foreign
+from orthomill.tasks.orientation.orientation_settings import ExteriorSource, FromAngles, FromColmap, FromOpensfm
 
 CRS = "EPSG:2100"
 CSV, COLMAP, OPENSFM = (

@@ -18,8 +18,8 @@ from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed, placed_block
 from orthomill.tasks.orientation.exterior.fixed_block_doubts import elsewhere, rays_that_do_not_meet, tie_points_misfit
-from orthomill.tasks.orientation.exterior.sources import FromAngles
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose
+from orthomill.tasks.orientation.orientation_settings import FromAngles
 
 CRS = "EPSG:2100"
 ANGLES = FromAngles(kind="csv", path="ori.csv")

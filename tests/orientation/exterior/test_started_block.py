@@ -6,13 +6,13 @@ from orienting import orient, standardised_orientation
 from simulated_block import two_strips
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.interior import FixedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
-from orthomill.tasks.orientation.exterior.sources import FromAngles
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
+from orthomill.tasks.orientation.orientation_settings import FromAngles
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 FIXED = FixedInterior(kind="fixed")

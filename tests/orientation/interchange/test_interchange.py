@@ -18,11 +18,11 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.geometry.topocentric import Reference, Topocentric
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
-from orthomill.tasks.orientation.exterior.sources import FromAngles, FromColmap, FromOpensfm
 from orthomill.tasks.orientation.interchange.angles_csv import read_angles
 from orthomill.tasks.orientation.interchange.colmap import read_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignBlock, ForeignPose, file_view, upright_block
 from orthomill.tasks.orientation.interchange.opensfm import read_opensfm
+from orthomill.tasks.orientation.orientation_settings import FromAngles, FromColmap, FromOpensfm
 from orthomill.tasks.orientation.report.block_report import report
 from orthomill.tasks.orientation.results.products import block_products
 from orthomill.tasks.orientation.start.georeference import own_system

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from village_pair import normal_case, render, village
 
+from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points, prepare
-from orthomill.tasks.matching.least_squares.model import LeastSquaresMatching
-from orthomill.tasks.matching.points.correlation import TemplateCorrelation, correlate
-from orthomill.tasks.matching.points.interest_points import HarrisPoints, interest_points
+from orthomill.tasks.matching.points.correlation import correlate
+from orthomill.tasks.matching.points.interest_points import interest_points
+from orthomill.tasks.matching.points.point_settings import HarrisPoints, TemplateCorrelation
 from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 
 

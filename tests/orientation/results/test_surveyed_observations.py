@@ -10,7 +10,7 @@ from simulated_block import one_strip, two_strips
 
 from orthomill.schemas.observations import Control, Distance
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.interior import FixedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior
 
 FIXED = FixedInterior(kind="fixed")
 

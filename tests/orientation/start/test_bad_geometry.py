@@ -9,7 +9,7 @@ from simulated_block import DRONE, TRUE_CAMERA, calibrated, one_strip, photo_of,
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.interior import FixedInterior, FreeInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, FreeInterior
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
 FIXED = FixedInterior(kind="fixed")

@@ -5,7 +5,7 @@ import pytest
 from orienting import orient
 from simulated_block import DRONE, block_of, looking
 
-from orthomill.tasks.adjustment.model.interior import FixedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.start.dominant_plane import dominant_plane

@@ -7,7 +7,8 @@ import pytest
 from simulated_block import DRONE, block_of, view
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.model.interior import FixedInterior, interior_prior
+from orthomill.tasks.adjustment.model.interior import interior_prior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior
 from orthomill.tasks.orientation.measurements import tie_rays
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.start.block_growth import BlockGrowth, Given, GrowthMaterial, from_given

@@ -8,7 +8,7 @@ from orienting import ground_errors, orient, standardised_orientation
 from simulated_block import DRONE, block_of, looking, simulate, turned_upright, view
 
 from orthomill.schemas.photo import Photos
-from orthomill.tasks.adjustment.model.interior import FixedInterior
+from orthomill.tasks.adjustment.model.interior_settings import FixedInterior
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.geometry.view import View
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.interior import WeightedInterior
+from orthomill.tasks.adjustment.model.interior_settings import WeightedInterior
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices

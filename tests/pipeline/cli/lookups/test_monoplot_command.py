@@ -14,7 +14,7 @@ from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.surface import HEIGHT, PRECISION, SURFACE, Surface
-from orthomill.tasks.catalogue import points_on_surface
+from orthomill.tasks.lookups import points_on_surface
 
 
 @pytest.fixture

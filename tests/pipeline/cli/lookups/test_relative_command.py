@@ -13,7 +13,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.observations import TIE_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
-from orthomill.tasks.catalogue import classical_forms
+from orthomill.tasks.lookups import classical_forms
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,9 @@ from pydantic import Field, field_validator
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.settings import Settings, setting
-from orthomill.tasks.densification.volume.guide_heights import GuideFile, TiePointGuide
-from orthomill.tasks.matching.guided.band_correlation import BandCorrelation
-from orthomill.tasks.matching.guided.column_interval import ColumnInterval
-from orthomill.tasks.matching.guided.outlier_detector import OutlierDetector
-from orthomill.tasks.matching.points.interest_points import HarrisPoints
+from orthomill.tasks.densification.settings.guide_settings import GuideFile, TiePointGuide
+from orthomill.tasks.matching.guided.guided_settings import BandCorrelation, ColumnInterval, OutlierDetector
+from orthomill.tasks.matching.points.point_settings import HarrisPoints
 
 Patch = tuple[float, float, float, float]
 _PER_PIXEL = BandCorrelation(template=9)

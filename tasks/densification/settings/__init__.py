@@ -1,0 +1,1 @@
+"""The settings of the stage `densification`, without its methods."""

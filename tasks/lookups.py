@@ -1,0 +1,31 @@
+"""What commands compute beside a run: of one photograph, of two, of the headers of all, of marked points, of a finished project."""
+
+from orthomill.tasks.accuracy.acceptance.clauses import accepted
+from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
+from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovariance
+from orthomill.tasks.accuracy.answers.measuring import measure
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
+from orthomill.tasks.flight_outlook import look_ahead
+from orthomill.tasks.inspections.image_points import points_on_surface
+from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
+from orthomill.tasks.marking.given_points import given_points, marks_of
+from orthomill.tasks.marking.marker import marker_of
+from orthomill.tasks.orientation.relative.classical_forms import classical_forms
+
+__all__ = [
+    "StoredCovariance",
+    "SurveyedPoint",
+    "accepted",
+    "classical_forms",
+    "given_points",
+    "inspected",
+    "look_ahead",
+    "marker_of",
+    "marks_of",
+    "measure",
+    "points_on_surface",
+    "share_of",
+    "sizing_of",
+    "statement_of",
+    "window_size_map",
+]
