@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 from rich.table import Table as Lines
 
 from orthomill.pipeline.cli.terminal import out
-from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.workflow.workflow_checks import kind_of

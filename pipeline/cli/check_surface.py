@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of
-from orthomill.pipeline.storage.image_files import shown
 from orthomill.pipeline.storage.mesh_files import MESH_SUFFIXES
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes
 from orthomill.pipeline.workflow.photograph_survey import Survey, survey_folder
 from orthomill.pipeline.workflow.starting_workflow import starting_text

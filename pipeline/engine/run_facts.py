@@ -8,8 +8,15 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.project import Tolerances
+
+DASHBOARD = "jobs/dashboard.txt"
+"""Holds the address of the dashboard while a run on Dask is in progress."""
+TILES = "jobs/tiles.txt"
+"""Holds the address of the map of tiles while one is served."""
+TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
+
 
 FACTS = "jobs/run.json"
 StageTitle = tuple[str, str]

@@ -22,13 +22,14 @@ from orthomill import __version__
 from orthomill.pipeline.engine.foresight import Foresight, photograph_pixels
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_asked
-from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle, write_facts
+from orthomill.pipeline.engine.run_facts import DASHBOARD, TILES, RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SchedulerLost, SequentialRunner
-from orthomill.pipeline.engine.session import Session, Watcher, key_text, now, unwatched
+from orthomill.pipeline.engine.session import Session, Watcher, now, unwatched
 from orthomill.pipeline.engine.worker_terms import shown
 from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
+from orthomill.pipeline.records.records import key_text
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
@@ -40,10 +41,6 @@ WORKERS_PER_CORE = 8
 """More worker processes than this per core are a typing error, and starting them would stall the machine."""
 LIBRARIES_BYTES = 3000 * MIB
 """Address space of a process with all libraries, kernels and threads, measured; most of it is never filled with anything."""
-DASHBOARD = "jobs/dashboard.txt"
-"""Holds the address of the dashboard while a run on Dask is in progress."""
-TILES = "jobs/tiles.txt"
-"""Holds the address of the map of tiles while one is served."""
 
 UNENCRYPTED = (
     "warning: the connection to {} is not encrypted, and whoever reaches that scheduler can run code as you; use certificates "

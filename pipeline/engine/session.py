@@ -16,9 +16,9 @@ from orthomill.pipeline.engine.execute import JobOrder
 from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
-from orthomill.pipeline.engine.run_facts import Failure, StageRun
+from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
-from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, reason_to_run
+from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, key_text, reason_to_run
 from orthomill.pipeline.storage.kept_files import Defect, first_defect
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
@@ -27,7 +27,6 @@ from orthomill.schemas.project import PhotoFiles, Project
 from orthomill.schemas.stage_contract import NotYet, Outline, Stage
 from orthomill.schemas.stage_report import report_table
 
-TIME_FORMAT = "%Y-%m-%dT%H:%M:%S%z"
 DISK_RESERVE = 200 * 2**20
 """bytes that must stay free: records, tables and products come on top of the rasters that are counted"""
 COMPRESSION = 2
@@ -299,12 +298,6 @@ class Session:
 
     def failure_list(self) -> tuple[Failure, ...]:
         return tuple(Failure(key[0], key_text(key), sentence) for key, sentence in self.failures.items())
-
-
-def key_text(key: Key) -> str:
-    """A key as text."""
-    stage, item, row, col = key
-    return f"{stage}/{item}/{row}/{col}"
 
 
 def now() -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from orthomill import __version__
 from orthomill.pipeline.engine.fingerprint import of_program
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 
 SHOWN = "jobs/.shown"
 """beginning of the name of the file by which workers recognise the run's folder"""

@@ -34,7 +34,7 @@ from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, line_features
 from orthomill.pipeline.export.viewer.viewer_page import write_viewer
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Columns, Export, FileBytes
 from orthomill.schemas.maps.map_lines import MapLines

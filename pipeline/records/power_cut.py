@@ -17,7 +17,7 @@ import psutil
 from pydantic import BaseModel, ValidationError
 
 from orthomill.pipeline.records.verification import Verification, examine
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
 NOTE = "jobs/flushed.json"

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from orthomill.pipeline.storage.file_names import file_name
 from orthomill.pipeline.storage.kept_files import Defect, KeptFile
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 
 Key = tuple[str, str, int, int]
 DEFECTS = ("result is missing", "result is damaged")
@@ -129,3 +129,9 @@ def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[
     if record.status == "damaged":
         return "result is damaged"
     return f"result is {defect}" if defect else None
+
+
+def key_text(key: Key) -> str:
+    """A key as text."""
+    stage, item, row, col = key
+    return f"{stage}/{item}/{row}/{col}"

@@ -23,7 +23,7 @@ from orthomill.pipeline.signing.signature import check_signature
 from orthomill.pipeline.signing.signature_lines import signature_lines
 from orthomill.pipeline.signing.statement import Statement
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, StageReport
 

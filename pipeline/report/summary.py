@@ -14,7 +14,7 @@ from typing import Any
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
 from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.stage_report import Figure
 
 Summary = dict[str, dict[str, Any]]

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from orthomill.pipeline.signing.signing_key import fingerprint, public_bytes
 from orthomill.pipeline.signing.statement import Statement, digest_of, signed_paths
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
 SIGNATURE = "signature.json"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from orthomill.pipeline.storage.chunk_codec import ChunkCodec
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.raster import RasterSpec
 
 METADATA = "zarr.json"

@@ -5,6 +5,7 @@ names never give the same file: another job's record or raster would pass for on
 """
 
 import hashlib
+import os
 from functools import lru_cache
 from pathlib import Path
 from urllib.parse import quote
@@ -40,3 +41,11 @@ def path_of(name: str, suffix: str = "") -> Path:
     """A name with slashes as a relative path, each of its parts as a `file_name`; the suffix stays as it is."""
     *folders, leaf = name.removesuffix(suffix).split("/")
     return Path(*map(file_name, folders), file_name(leaf) + suffix)
+
+
+def shown(path: Path) -> str:
+    """A path as the user knows it: relative to the current folder if it is inside it; on one line, whatever its name holds."""
+    absolute = Path(os.path.abspath(path))
+    inside = absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
+    # A name may hold line ends, which would break a sentence, and bytes that are no text, which no terminal can show.
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in inside.as_posix())

@@ -21,6 +21,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.io import MemoryFile
 from rasterio.windows import Window as GdalWindow
 
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.photographs.jpeg_scan import Fault, broken_jpeg
 from orthomill.pipeline.storage.photographs.other_formats import Other, other_format, read_other_header, read_other_pixels
 from orthomill.pipeline.storage.photographs.transparency import is_masked, opacity
@@ -374,11 +375,3 @@ _END_CHECKS = {"JPEG": _check_jpeg_end, "PNG": _check_png_end}
 
 def _truncated(path: Path, sign: str) -> str:
     return f"{shown(path)} is truncated ({os.path.getsize(path)} bytes, {sign}); copy it again from the camera."
-
-
-def shown(path: Path) -> str:
-    """A path as the user knows it: relative to the current folder if it is inside it; on one line, whatever its name holds."""
-    absolute = Path(os.path.abspath(path))
-    inside = absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
-    # A name may hold line ends, which would break a sentence, and bytes that are no text, which no terminal can show.
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in inside.as_posix())

@@ -19,7 +19,8 @@ from orthomill.pipeline.storage.array_metadata import METADATA, StoredArray, arr
 from orthomill.pipeline.storage.chunk_codec import UnknownCodec
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
-from orthomill.pipeline.storage.table_files import read_table, replacing, write_table
+from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Raster, Table
 from orthomill.schemas.raster import RasterSpec, Window

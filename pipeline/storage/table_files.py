@@ -5,12 +5,9 @@ would store each byte as a 32-bit integer, which costs more to read than everyth
 """
 
 import os
-import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +15,7 @@ import pyarrow.parquet as pq
 from pydantic_core import to_json
 
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
+from orthomill.pipeline.storage.whole_files import whole_file, write_whole
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -26,43 +24,6 @@ PIECE = 2**20
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _PIECES = 16
 """binary values that are packed together"""
-
-
-def write_whole(path: Path, data: bytes | pa.Buffer) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
-    with whole_file(path) as stream:
-        stream.write(data)
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to be written that takes the place of `path` when it is complete. Raises StoreError."""
-    try:
-        with replacing(path) as stream:
-            yield stream
-    except OSError as error:
-        raise StoreError(
-            f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again."
-        ) from error
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file to be written that takes the place of `path` when it is complete. Raises OSError."""
-    # In the same folder, since renaming is atomic only within one file system; the suffix is what `Store.sweep` removes.
-    temporary = f"{path.parent}/.{secrets.token_hex(8)}.part"
-    try:
-        handle = os.open(temporary, _NEW, 0o666)
-    except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(temporary, _NEW, 0o666)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            yield stream
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def write_table(path: Path, value: Any) -> None:

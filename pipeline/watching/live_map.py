@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.run_facts import TILES
 from orthomill.pipeline.engine.runner import Finished, Runner
-from orthomill.pipeline.engine.running import TILES, write_for_the_user_only
-from orthomill.pipeline.engine.session import Session, key_text
-from orthomill.pipeline.records.records import Key, Record
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.engine.running import write_for_the_user_only
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.records.records import Key, Record, key_text
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.tile_board import TileBoard, TileState
 from orthomill.pipeline.watching.tile_places import TilePlaces

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from orthomill.pipeline.storage.image_files import read_header, shown
+from orthomill.pipeline.storage.file_names import shown
+from orthomill.pipeline.storage.image_files import read_header
 from orthomill.pipeline.storage.photographs.folder_listing import (
     Listing,
     image_files,

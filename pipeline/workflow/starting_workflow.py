@@ -14,7 +14,7 @@ from textwrap import wrap
 
 from pyproj.exceptions import CRSError
 
-from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.photograph_survey import Survey, survey_photographs
 from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of, unfit_map

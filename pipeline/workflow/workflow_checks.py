@@ -17,8 +17,6 @@ from pydantic import BaseModel
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from orthomill.pipeline.storage.image_files import read_header
-from orthomill.pipeline.storage.map_files import check_map_file
 from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.workflow.camera_tags import longitude_latitude
@@ -174,9 +172,13 @@ def _suggestion(photographs: Any, root: Path) -> str:
 
 def _places(photographs: Any, root: Path) -> list[tuple[float, float]]:
     """Longitude and latitude of the first photographs that have them."""
+    if not isinstance(photographs, PhotoFolder | PhotoList):
+        return []
+    from orthomill.pipeline.storage.image_files import read_header  # loads GDAL, which no other check of the text needs
+
     # Three headers are enough to find the site, and a damaged photograph is reported elsewhere.
     try:
-        files = image_files(root, photographs)[:3] if isinstance(photographs, PhotoFolder | PhotoList) else ()
+        files = image_files(root, photographs)[:3]
         return [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
     except (OrthomillError, ValueError):  # a path with a null character has its own sentence
         return []
@@ -274,6 +276,8 @@ def _check_file(text: str, path: Path_, root: Path, mistakes: Mistakes, what: st
 
 
 def _check_map(file: Path, path: Path_, mistakes: Mistakes) -> None:
+    from orthomill.pipeline.storage.map_files import check_map_file
+
     # A reference is read last of all, when everything that it is to judge has been computed.
     try:
         check_map_file(file)

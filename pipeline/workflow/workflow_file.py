@@ -14,9 +14,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, TypeAdapter, ValidationError
 
-from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, renamed_sentences, stage_kind
 from orthomill.pipeline.workflow.workflow_checks import (
     Kinds,

@@ -23,7 +23,7 @@ def monoplot(
     """Points of one photograph on the surface: X, Y, Z, standard errors, covariances, and the photographs that see them."""
     from orthomill.pipeline.cli.lookups.monoplot import monoplot_table, read_image_points
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.storage.table_files import write_whole
+    from orthomill.pipeline.storage.whole_files import write_whole
     from orthomill.tasks.lookups import points_on_surface
 
     with plain_errors(debug):

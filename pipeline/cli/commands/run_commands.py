@@ -44,12 +44,15 @@ def run(
     debug: Debug = False,
 ) -> None:
     """Run a workflow; continues where an earlier run stopped."""
-    from orthomill.pipeline.cli.progress.project_run import run_project
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.engine.running import MIB, Options
 
     with plain_errors(debug):
-        loaded, tls = load_project(name), _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
+        loaded = load_project(name)
+        # After the workflow: a mistake in it is answered before the engine is loaded.
+        from orthomill.pipeline.cli.progress.project_run import run_project
+        from orthomill.pipeline.engine.running import MIB, Options
+
+        tls = _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
         end = run_project(
             loaded,
             Options(

@@ -16,14 +16,17 @@ state = typer.Typer()
 @state.command()
 def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug = False) -> None:
     """Show what a run would do: jobs, bytes, peak memory, and why each stage would run. Writes nothing."""
-    from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.engine.foresight import plan_ahead
-    from orthomill.pipeline.engine.running import session_of
-    from orthomill.pipeline.forecast.forecast import forecast
 
     with plain_errors(debug):
-        session = session_of(load_project(name), from_stage, until)
+        loaded = load_project(name)
+        # After the workflow: a mistake in it is answered before the engine is loaded.
+        from orthomill.pipeline.cli.plan_lines import plan_lines, plan_notes
+        from orthomill.pipeline.engine.foresight import plan_ahead
+        from orthomill.pipeline.engine.running import session_of
+        from orthomill.pipeline.forecast.forecast import forecast
+
+        session = session_of(loaded, from_stage, until)
         noticed = plan_ahead(session).remarks()
         expected = forecast(session)
         out.print(plan_lines(session, expected))
@@ -37,7 +40,7 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
 def status(name: Name, debug: Debug = False) -> None:
     """Show what is done, what failed and why, also while a run is in progress."""
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.cli.verification_lines import begun_at, dashboard_address, status_row
+    from orthomill.pipeline.cli.status_lines import begun_at, dashboard_address, status_row
     from orthomill.pipeline.records.lock import is_running
     from orthomill.pipeline.records.records import Records
 
@@ -84,8 +87,8 @@ def verify(name: Name, debug: Debug = False) -> None:
 def dashboard(name: Name, debug: Debug = False) -> None:
     """Print the address of the dashboard of a run in progress."""
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.cli.verification_lines import dashboard_address
-    from orthomill.pipeline.engine.running import DASHBOARD
+    from orthomill.pipeline.cli.status_lines import dashboard_address
+    from orthomill.pipeline.engine.run_facts import DASHBOARD
     from orthomill.pipeline.records.lock import is_running
 
     with plain_errors(debug):
@@ -101,8 +104,8 @@ def dashboard(name: Name, debug: Debug = False) -> None:
 def watch(name: Name, debug: Debug = False) -> None:
     """Show the map of tiles in a browser: live while the project runs, as it ended afterwards."""
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.cli.verification_lines import dashboard_address
-    from orthomill.pipeline.engine.running import TILES
+    from orthomill.pipeline.cli.status_lines import dashboard_address
+    from orthomill.pipeline.engine.run_facts import TILES
     from orthomill.pipeline.watching.live_map import MAP
 
     with plain_errors(debug):

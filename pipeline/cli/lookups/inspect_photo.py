@@ -14,7 +14,8 @@ from rich.progress import Progress
 from rich.table import Table as Lines
 
 from orthomill.pipeline.report.grey_png import write_grey_png
-from orthomill.pipeline.storage.image_files import read_header, read_pixels, shown
+from orthomill.pipeline.storage.file_names import shown
+from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.errors import PhotoError, StoreError
 from orthomill.schemas.inspection import PhotoMap
 from orthomill.schemas.photo import Header

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from orthomill.pipeline.serving.marking.mark_tables import mark_files
-from orthomill.pipeline.storage.table_files import whole_file
+from orthomill.pipeline.storage.whole_files import whole_file
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.marks import Mark, MarkedPoint, Marks, PointRole
 from orthomill.schemas.observations import Distance

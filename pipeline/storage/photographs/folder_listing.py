@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
-from orthomill.pipeline.storage.image_files import shown
+from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.photographs.file_kinds import (
     DEVELOPED_SUFFIXES,
     RAW_SUFFIXES,

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.cli.doctor import Finding
-from orthomill.pipeline.engine.running import DASHBOARD
+from orthomill.pipeline.engine.run_facts import DASHBOARD
 from orthomill.pipeline.records.lock import only_run
 from orthomill.schemas.errors import WorkflowError
 

@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[3]
 TERMINAL = {"typer", "rich", "shellingham", "annotated_doc", "pygments", "markdown_it", "mdurl", "attr", "attrs"}
 TERMINAL |= {
     "pydantic",
@@ -16,6 +18,7 @@ TERMINAL |= {
 }  # typer checks values with it
 READ = """
 import sys
+from pathlib import Path
 from orthomill.pipeline.cli.environment import main
 sys.argv = ["orthomill", *sys.argv[1:]]
 try:
@@ -48,3 +51,20 @@ def test_the_completion_of_the_shell_loads_the_terminal_and_nothing_else():
     asked = {"_ORTHOMILL_COMPLETE": "complete_bash", "COMP_WORDS": "orthomill run v", "COMP_CWORD": "2"}
     libraries, _ = loaded(**asked)
     assert libraries <= TERMINAL
+
+
+WORKFLOW = TERMINAL | {"numpy", "yaml", "pyproj", "certifi", "click"}
+"""what reading a workflow needs: settings, their lines in the file, and reference systems"""
+METHODS = ("orthomill.kernels", "orthomill.pipeline.storage.store", "orthomill.pipeline.engine.session")
+
+
+@pytest.mark.parametrize(("command", "mistake"), [("status", False), ("plan", True), ("run", True)])
+def test_a_workflow_is_read_and_refused_without_the_photogrammetry(command, mistake, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "workflows/volos_small.yaml").read_text()
+    (tmp_path / "small.yaml").write_text(text.replace("kind: epipolar", "kind: epipolr") if mistake else text)
+    libraries, ours = loaded(command, "small.yaml")
+    assert {name for name in libraries if not name.startswith("_")} <= WORKFLOW
+    assert not {name for name in ours if name.startswith(METHODS)}
+    planned = {name for name in ours if {"plan", "report"} & set(name.split(".")) and name.startswith("orthomill.tasks")}
+    assert not planned and len(ours) < 200

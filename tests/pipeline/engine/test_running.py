@@ -10,9 +10,9 @@ import pytest
 from toy_stages import CATALOGUE, PROJECT, TOTAL, SmoothStage, SourceStage, SumStage, pixels
 
 from orthomill.pipeline.engine import running
-from orthomill.pipeline.engine.run_facts import read_facts
+from orthomill.pipeline.engine.run_facts import DASHBOARD, read_facts
 from orthomill.pipeline.engine.runner import SchedulerLost, SequentialRunner
-from orthomill.pipeline.engine.running import DASHBOARD, LOST, MIB, Options, check_stage_names, run_workflow, session_of
+from orthomill.pipeline.engine.running import LOST, MIB, Options, check_stage_names, run_workflow, session_of
 from orthomill.pipeline.engine.session import Unwatched
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.report.results import REPORT, SUMMARY, rewrite_results, run_with_report

@@ -12,7 +12,8 @@ from front_door import photograph
 from PIL import Image
 
 import orthomill.pipeline.storage.image_files
-from orthomill.pipeline.storage.image_files import read_header, read_pixels, shown
+from orthomill.pipeline.storage.file_names import shown
+from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.schemas.errors import PhotoError, WorkflowError
 from orthomill.schemas.project import PhotoFolder, PhotoList

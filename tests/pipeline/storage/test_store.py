@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from orthomill.pipeline.records.records import Fingerprint, Record, Records, reason_to_run
 from orthomill.pipeline.storage.store import Store, aligned
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.observations import TIE_POINTS, TiePoints
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
