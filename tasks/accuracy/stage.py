@@ -12,8 +12,6 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.schemas.stage_report import report_table
-from orthomill.tasks.accuracy.plan.point_jobs import PointJobs
-from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
 
 _FILES: dict[str, Table] = {
     "accuracy": STATEMENT,
@@ -39,6 +37,9 @@ class AccuracyStage(Stage):
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """A test of each point, the statement, the report, and the statement as a file."""
+        from orthomill.tasks.accuracy.plan.point_jobs import PointJobs
+        from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
+
         yield from PointJobs(view, self.steepest, self.vegetated).jobs()
         yield Job(
             stage="accuracy",
