@@ -4,7 +4,6 @@ A table that consists of bytes only (descriptors, patches, whole files) has bina
 would store each byte as a 32-bit integer, which costs more to read than everything that is done with it afterwards.
 """
 
-import os
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,6 @@ from orthomill.schemas.job import Columns, Table
 
 PIECE = 2**20
 """bytes of one binary value: to write a value takes eight times its size"""
-_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _PIECES = 16
 """binary values that are packed together"""
 

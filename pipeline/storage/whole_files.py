@@ -9,6 +9,8 @@ from typing import BinaryIO
 
 from orthomill.schemas.errors import StoreError
 
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+
 
 def write_whole(path: Path, data: bytes | memoryview) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part. Raises StoreError."""
