@@ -41,7 +41,7 @@ def test_fields_in_words():
 
 
 def test_the_page_in_the_repository_is_current():
-    from orthomill.tasks.lookups import STAGES  # here, so that a broken stage fails this test alone
+    from orthomill.tasks.catalogue import STAGES  # here, so that a broken stage fails this test alone
 
     assert PAGE.read_text(encoding="utf-8") == settings_reference(STAGES), "docs/settings.md is out of date: make docs"
 
