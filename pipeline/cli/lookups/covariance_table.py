@@ -73,6 +73,13 @@ def _row(first: str, second: str, covariance: np.ndarray | None, unit: str) -> d
     return {**row, "covariance": None if covariance is None else covariance.tolist()}
 
 
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
 def _read(path: Path, block: Block) -> tuple[dict[str, np.ndarray], list[str]]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -91,7 +98,7 @@ def _read(path: Path, block: Block) -> tuple[dict[str, np.ndarray], list[str]]:
         try:
             place = np.array([float(word) for word in words[-3:]])
         except ValueError:
-            if number == 1:  # headings
+            if number == 1 and not any(map(_is_number, words)):  # headings
                 continue
             place = np.array([math.nan])
         if len(words) != 4 or not np.isfinite(place).all():

@@ -55,7 +55,7 @@ def accuracy_report(
         figures=(*_figures(statement), *promise_figures(reliability)),
         grids=(*_grids(tests, statement), promise_grid(reliability), *adjustment_grids(adjustment)),
         charts=promise_chart(reliability),
-        doubts=warnings,
+        doubts=tuple(_doubts(statement, warnings)),
         warnings=warnings,
     )
 
@@ -147,6 +147,14 @@ def _row(test: PointTest) -> tuple[float | int | str | None, ...]:
     notes += [f"place: {test.place.reason}"] if test.place and not test.place.tested else []
     values = (*(plan or (None, None)), sigma, test.height_difference, test.height_predicted, checked, *block)
     return (test.name, *(None if v is None else round(v, 4) for v in values), "; ".join(notes))
+
+
+def _doubts(statement: AccuracyStatement, warnings: tuple[str, ...]) -> Iterator[str]:
+    """Warnings without the shared errors that are within what was promised: those are noticed, and no reason to doubt."""
+    within = [figure.promised for figure in statement.figures if figure.promised is not None]
+    expected = bool(within) and max(within) <= REALISTIC
+    named = {error.sentence for error in statement.named}
+    yield from (sentence for sentence in warnings if not (expected and sentence in named))
 
 
 def _why_not(height: HeightTest, surveyed: float) -> str:

@@ -35,23 +35,26 @@ class _ErrorFit:
         return bool(distance > len(parts) * self.limit**2)
 
 
-def named_errors(places: np.ndarray, height: np.ndarray, plan: np.ndarray) -> tuple[NamedError, ...]:
+def named_errors(
+    places: np.ndarray, height: np.ndarray, plan: np.ndarray, survey: tuple[float, float] = (0.0, 0.0)
+) -> tuple[NamedError, ...]:
     """What the differences share, the largest first.
 
-    places (N, 2) X, Y m; height (N,) and plan (N, 2) differences m, NaN where they were not tested.
+    places (N, 2) X, Y m; height (N,) and plan (N, 2) differences m, NaN where they were not tested; survey: standard errors of the
+    survey in a plan coordinate and in height, m: the differences scatter by chance no less than that.
     """
-    found = [*_of_heights(places, height), *_of_plan(places, plan)]
+    found = [*_of_heights(places, height, survey[1]), *_of_plan(places, plan, survey[0])]
     return tuple(sorted(found, key=lambda error: -error.size))
 
 
-def _fitted(design: np.ndarray, observed: np.ndarray) -> _ErrorFit | None:
+def _fitted(design: np.ndarray, observed: np.ndarray, survey: float) -> _ErrorFit | None:
     freedom = len(observed) - design.shape[1]
     if freedom < 2 or np.linalg.matrix_rank(design) < design.shape[1]:
         return None
     value = np.linalg.lstsq(design, observed, rcond=None)[0]
     noise = float(((observed - design @ value) ** 2).sum()) / freedom
     # A noise of nothing would make every rounding error sure.
-    return _ErrorFit(value, max(noise, 1e-12) * np.linalg.inv(design.T @ design), float(stdtrit(freedom, _SURE)))
+    return _ErrorFit(value, max(noise, survey**2, 1e-12) * np.linalg.inv(design.T @ design), float(stdtrit(freedom, _SURE)))
 
 
 def _about_middle(places: np.ndarray) -> tuple[np.ndarray, float]:
@@ -61,15 +64,15 @@ def _about_middle(places: np.ndarray) -> tuple[np.ndarray, float]:
     return away / reach, reach
 
 
-def _of_heights(places: np.ndarray, height: np.ndarray) -> list[NamedError]:
+def _of_heights(places: np.ndarray, height: np.ndarray, survey: float) -> list[NamedError]:
     known = np.isfinite(height)
     if known.sum() < 4:
         return []
     (unit, reach), dh = _about_middle(places[known]), height[known]
     square = (unit**2).sum(axis=1)
     parts = [np.ones(len(dh)), unit[:, 0], unit[:, 1]]
-    bent = _fitted(np.column_stack([*parts, square - square.mean()]), dh)
-    fit = bent or _fitted(np.column_stack(parts), dh) or _fitted(np.ones((len(dh), 1)), dh)
+    bent = _fitted(np.column_stack([*parts, square - square.mean()]), dh, survey)
+    fit = bent or _fitted(np.column_stack(parts), dh, survey) or _fitted(np.ones((len(dh), 1)), dh, survey)
     if fit is None:
         return []
     found = []
@@ -89,7 +92,7 @@ def _of_heights(places: np.ndarray, height: np.ndarray) -> list[NamedError]:
     return found
 
 
-def _of_plan(places: np.ndarray, plan: np.ndarray) -> list[NamedError]:
+def _of_plan(places: np.ndarray, plan: np.ndarray, survey: float) -> list[NamedError]:
     known = np.isfinite(plan).all(axis=1)
     if known.sum() < 3:
         return []
@@ -97,7 +100,7 @@ def _of_plan(places: np.ndarray, plan: np.ndarray) -> list[NamedError]:
     one, none = np.ones(len(d)), np.zeros(len(d))
     east = np.column_stack([one, none, unit[:, 0], -unit[:, 1]])
     north = np.column_stack([none, one, unit[:, 1], unit[:, 0]])
-    fit = _fitted(np.concatenate([east, north]), np.concatenate([d[:, 0], d[:, 1]]))
+    fit = _fitted(np.concatenate([east, north]), np.concatenate([d[:, 0], d[:, 1]]), survey)
     if fit is None:
         return []
     found = []

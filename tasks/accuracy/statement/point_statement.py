@@ -49,10 +49,14 @@ def _space(tests: PointTests) -> AccuracyFigure | None:
 
 
 def _named(points: tuple[PointTest, ...]) -> tuple[NamedError, ...]:
+    if not points:
+        return ()
     places = np.array([p.surveyed[:2] for p in points]).reshape(-1, 2)
     height = np.array([math.nan if p.height_difference is None else p.height_difference for p in points])
     plan = np.array([p.place_difference or (math.nan, math.nan) for p in points]).reshape(-1, 2)
-    return named_errors(places, height, plan)
+    sigma = np.array([p.sigma for p in points]).reshape(-1, 3)
+    survey = float(np.sqrt((sigma[:, :2] ** 2).mean())), float(np.sqrt((sigma[:, 2] ** 2).mean()))
+    return named_errors(places, height, plan, survey)
 
 
 def _untested(points: tuple[PointTest, ...]) -> Iterator[tuple[str, str]]:

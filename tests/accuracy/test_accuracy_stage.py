@@ -1,0 +1,150 @@
+"""What the stage plans for each project, and what its report says of what was found."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from box_scene import block as box_block
+from memory_runner import MemoryProject
+
+from orthomill.pipeline.engine.job_signature import misfit
+from orthomill.pipeline.signing.restatement import STATED, TESTS, restated
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement
+from orthomill.schemas.accuracy.point_tests import TESTED, HeightTest, PlaceTest, PointTest, PointTests
+from orthomill.schemas.accuracy.promised_errors import Reliability
+from orthomill.schemas.job import Job
+from orthomill.schemas.observations import CONTROL, Control, ControlPoint
+from orthomill.schemas.orientation import BLOCK, GroundResidual, GroundResiduals
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.raster import MapGrid, RasterSpec
+from orthomill.schemas.surface import ORTHO, SURFACE, Surface
+from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
+from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
+from orthomill.tasks.accuracy.stage import AccuracyStage
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
+
+GRID = MapGrid(west=0.0, north=60.0, cell=1.0, rows=60, cols=90)
+
+
+def point(name, place, role="check"):
+    return ControlPoint(name=name, role=role, xyz=place, sigma=(0.02, 0.02, 0.02), measurements={"absent": (1.0, 1.0, 0.5)})
+
+
+class View(MemoryProject):
+    """A project whose workflow has the stages `stages`."""
+
+    stages: tuple[str, ...] = ("densification", "texture", "dsm_check")
+
+    @property
+    def project(self):
+        return SimpleNamespace(tile=self.tile, crs="EPSG:2100", project="memory", grid=SimpleNamespace(kind="map"))
+
+    def has_stage(self, kind):
+        return kind in self.stages
+
+
+def planned(stages=View.stages, points=None, **settings):
+    view, points = View(32), points or (point("A", (20.0, 30.0, 5.0)),)
+    view.stages = stages
+    view.tables = {
+        BLOCK.path: box_block(),
+        CONTROL.path: Control(points=points),
+        SURFACE.path: Surface(grid=GRID, height_low=0.0, height_high=20.0),
+        PHOTOS.path: None,
+    }
+    view.specs[ORTHO] = RasterSpec(name=ORTHO, shape=(120, 180, 4), dtype="uint8", chunk=32, transform=(0.5, 0, 0, 0, -0.5, 60))
+    return [thing for thing in AccuracyStage(**settings).plan(view) if isinstance(thing, Job)]
+
+
+def test_every_check_point_has_a_job_and_jobs_fit_their_functions():
+    jobs = planned(points=(point("A", (20, 30, 5)), point("B", (40, 30, 5)), point("C", (50, 30, 5), "control")))
+    assert [job.row for job in jobs if job.item == "point"] == [0, 1]
+    assert [misfit(job) for job in jobs if misfit(job)] == []
+    first = jobs[0].reads
+    assert len(first["heights"]) == 3 and len(first["corrected"]) == 1 and len(first["ortho"]) == 1 and not first["photos"]
+
+
+def test_products_that_are_not_made_are_not_read():
+    (job, *_) = planned(stages=())
+    assert not any(job.reads[name] for name in ("heights", "corrected", "ortho", "photos"))
+    (far, *_) = planned(points=(point("far", (900.0, 900.0, 0.0)),))
+    assert not far.reads["heights"] and not far.reads["ortho"]
+
+
+def test_points_under_vegetation_and_slopes_are_settings():
+    jobs = planned(points=(point("V1", (20, 30, 5)), point("A", (40, 30, 5))), vegetated=("V*",), steepest=0.3)
+    assert [job.params["rules"].vegetated for job in jobs if job.item == "point"] == [True, False]
+    assert jobs[0].params["rules"].steepest == 0.3
+
+
+def made(count=8, up=0.0, vegetated=False):
+    rng = np.random.default_rng(0)
+    tests = []
+    for i, (x, y) in enumerate(rng.uniform(0, 1000, (count, 2))):
+        z = 10 + up + rng.normal(0, 0.03)
+        tests.append(
+            PointTest(
+                name=f"P{i}",
+                surveyed=(x, y, 10.0),
+                sigma=(0.01, 0.01, 0.02),
+                vegetated=vegetated,
+                height=HeightTest(reason=TESTED, height=z, sigma=0.03, slope=0.0, step=0.01),
+                place=PlaceTest(reason=TESTED, place=(x + 0.01, y), sigma=(0.02, 0.02), photos=3, promised=(0.02, 0.02)),
+            )
+        )
+    return PointTests(points=tuple(tests), area_km2=1.0)
+
+
+def report_of(tests, ground=GroundResiduals()):  # noqa: B008
+    return accuracy_report(tests, statement_of(tests), reliability_of(tests, ground), AdjustmentStatement())
+
+
+def test_without_check_points_nothing_is_proved():
+    report = accuracy_report(PointTests(), AccuracyStatement(), Reliability(), AdjustmentStatement())
+    assert report.verdict.level == "fair" and "Nothing is proved" in report.verdict.sentence
+    assert not report.evidence and not report.answers
+
+
+def test_what_was_tested_is_told_with_its_interval_and_few_points_with_the_standards_words():
+    report = report_of(made())
+    assert "in height (surface, open ground) at 8 check points" in report.verdict.sentence
+    assert {e.products for e in report.evidence} == {("products/dsm.tif",), ("products/ortho.tif",)}
+    grid = next(g for g in report.grids if g.title == "As the standard words it")
+    assert all("using ONLY 8 checkpoints" in row[3] for row in grid.rows)
+    assert not report.warnings
+
+
+def test_a_shifted_surface_is_named_and_its_promise_called_too_small():
+    report = report_of(made(up=0.5))
+    assert any("as a whole lies 0.5" in warning for warning in report.warnings)
+    assert any("times what was promised" in warning for warning in report.warnings)
+    assert report.verdict.level == "poor"
+
+
+def test_points_under_vegetation_are_stated_apart():
+    statement = statement_of(made(vegetated=True))
+    assert statement.of("nva") is None and statement.of("vva").points == 8
+
+
+def test_one_error_of_the_block_is_in_the_diagram():
+    row = GroundResidual(name="a", role="check", difference=(0.1, 0.1, 0.1), predicted=(0.1, 0.2, 0.3), photos=3)
+    (grid,) = (g for g in report_of(made(), GroundResiduals(points=(row,))).grids if g.title.startswith("Promised"))
+    assert [r[0] for r in grid.rows] == ["surface at check points", "orthoimage at check points", "block at check points"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"), [("", "", ""), ('"points":8', '"points":9', "does not follow"), ("{", "(", "cannot be read")]
+)
+def test_a_statement_that_was_changed_is_found(tmp_path, old, new, words):
+    tests = made()
+    (tmp_path / "products").mkdir()
+    (tmp_path / TESTS).write_text(tests.model_dump_json())
+    (tmp_path / STATED).write_text(
+        statement_of(tests).model_dump_json().replace(old, new) if old else statement_of(tests).model_dump_json()
+    )
+    assert words in restated(tmp_path, statement_of) and bool(restated(tmp_path, statement_of)) == bool(words)
+
+
+def test_a_run_without_a_statement_has_nothing_to_compare(tmp_path):
+    assert restated(tmp_path, statement_of) == ""

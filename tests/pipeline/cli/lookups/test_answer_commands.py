@@ -1,0 +1,125 @@
+"""`measure`, `covariance` and `accept` on a small run: what they answer, and what they refuse."""
+
+import json
+
+import numpy as np
+import pytest
+from village_pair import block_of, normal_case
+
+from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
+from orthomill.pipeline.cli.lookups.delivery import (
+    Delivered,
+    acceptance_lines,
+    acceptance_page,
+    facts_of_files,
+    facts_of_run,
+    profile_of,
+)
+from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answer_lines, measured_answers
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.raster import MapGrid, map_raster
+from orthomill.schemas.surface import DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
+from orthomill.tasks.catalogue import StoredCovariance, SurveyedPoint, accepted, inspected, measure
+
+GRID = MapGrid(west=400000.0, north=4000100.0, cell=1.0, rows=100, cols=100)
+
+
+def make_run(folder, height):
+    folder.mkdir(parents=True)
+    store = Store(folder)
+    store.write_table(SURFACE, Surface(grid=GRID, height_low=0.0, height_high=10.0))
+    for name, value in ((HEIGHT, height), (RELATIVE_PRECISION, 0.03), (DATUM_PRECISION, 0.1), (PROVENANCE, Provenance.AGREED)):
+        dtype = "uint8" if name == PROVENANCE else "float32"
+        spec = map_raster(name, GRID, dtype, "EPSG:2100", 100, nodata=None if name == PROVENANCE else float("nan"))
+        store.create(spec)
+        store.write(name, spec.full, np.full(GRID.shape, value, dtype))
+    return folder
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A level surface 5 m high."""
+    return make_run(tmp_path / "runs" / "site", 5.0)
+
+
+@pytest.fixture
+def square(tmp_path):
+    path = tmp_path / "f.geojson"
+    ring = [[400020, 4000020], [400060, 4000020], [400060, 4000060], [400020, 4000060], [400020, 4000020]]
+    item = {"properties": {"name": "heap"}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    path.write_text(json.dumps({"features": [item], "crs": {"properties": {"name": "EPSG:2100"}}}))
+    return path
+
+
+def options(base="3.5", **given):
+    return MeasureOptions(**{"base": base, "checked": False, "corner": 0.1, "step": None, "output": None, **given})
+
+
+def volume(found):
+    return next(a for a in found.answers if a.quantity == "volume")
+
+
+def test_a_volume_is_measured_and_written(run, square, tmp_path):
+    found = measured_answers(run, square, options(output=tmp_path / "a.gpkg"), measure)
+    assert volume(found).value == pytest.approx(1600 * 1.5) and volume(found).datum_share == pytest.approx(160)
+    assert (tmp_path / "a.gpkg").stat().st_size > 1000
+    assert any(line.startswith("heap  volume: 2400") for line in answer_lines(found))
+
+
+def test_the_base_may_be_an_earlier_run(run, square, tmp_path):
+    earlier = make_run(tmp_path / "runs" / "before", 4.0)
+    found = volume(measured_answers(run, square, options(str(earlier)), measure))
+    assert found.value == pytest.approx(1600) and "the surface of before" in found.note
+    assert found.sigma > volume(measured_answers(run, square, options("4"), measure)).sigma
+
+
+def test_wrong_bases_and_runs_are_refused(run, square, tmp_path):
+    with pytest.raises(WorkflowError, match="--base nothing: give border"):
+        measured_answers(run, square, options("nothing"), measure)
+    with pytest.raises(StoreError, match="has no surface yet"):
+        measured_answers(tmp_path, square, options(), measure)
+    with pytest.raises(StoreError, match="has no checked surface yet"):
+        measured_answers(run, square, options(checked=True), measure)
+
+
+def test_covariances_need_a_block_and_points(run, tmp_path):
+    path = tmp_path / "p.txt"
+    path.write_text("name x y z\nP 1 2 3\n")
+    with pytest.raises(StoreError, match="has no block yet"):
+        covariance_table(run, path, None, StoredCovariance)
+    pair = normal_case(420)
+    Store(run).write_table(BLOCK, block_of(pair))
+    found = covariance_table(run, path, None, StoredCovariance)
+    assert found.count == 0 and "fewer than two photographs" in found.missed[0]
+    path.write_text("P 1 2\n")
+    with pytest.raises(WorkflowError, match="line 1: 'P 1 2' is neither"):
+        covariance_table(run, path, None, StoredCovariance)
+
+
+def test_a_run_is_held_against_a_profile(run):
+    facts = facts_of_run(run, "EPSG:2100")
+    result = accepted(profile_of("asprs_2023", None).model_copy(update={"height": 0.1, "estimated": 5.0}), facts, "site")
+    lines = list(acceptance_lines(result))
+    assert any(line.startswith("met           estimated heights: 0 %") for line in lines) and "not complete" in lines[-1]
+    assert "not testable" in acceptance_page(result)
+
+
+def test_profiles_come_from_files_and_mistakes_are_sentences(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("kind: custom\nplan: 0.1\n")
+    assert profile_of(str(path), None).plan == 0.1
+    path.write_text("kind: custom\nplam: 0.1\n")
+    with pytest.raises(WorkflowError, match="plam"):
+        profile_of(str(path), None)
+    with pytest.raises(WorkflowError, match="No profile"):
+        profile_of(None, None)
+    with pytest.raises(WorkflowError, match="asks for nothing"):
+        profile_of("none", None)
+
+
+def test_points_of_an_inspector_that_cannot_be_read(tmp_path):
+    (tmp_path / "p.csv").write_text("name,x,y\nA,1,2\n")
+    with pytest.raises(WorkflowError, match="columns name, x, y, z"):
+        facts_of_files(Delivered(None, None, tmp_path / "p.csv"), inspected, SurveyedPoint)
