@@ -79,3 +79,5 @@ class PairForms:
     kept: int
     sigma0_px: float
     unknowns: tuple[PairUnknown, ...]
+    failed_start: tuple[int, float] | None = None
+    """matches kept and sigma0 (px) of the published start at zero, where it went wrong and five points gave another"""

@@ -37,6 +37,12 @@ def as_json(forms: PairForms) -> str:
 def relative_lines(forms: PairForms) -> Iterator[str]:
     """The lines of the terminal."""
     yield f"{forms.left} and {forms.right}: {forms.kept} of {forms.matches} tie points kept, sigma0 {forms.sigma0_px:.3f} px"
+    if forms.failed_start:
+        kept, sigma0 = forms.failed_start
+        yield (
+            f"The published procedure went wrong or left wrong matches in: sigma0 {sigma0:.2f} px, {kept} of {forms.matches} tie "
+            "points kept. This is the solution from a start by five points."
+        )
     if any(forms.quarter_turns):
         first, second = (90 * turn for turn in forms.quarter_turns)
         yield f"Image systems turned by {first} and {second} degrees, so that the base lies along x."

@@ -5,14 +5,16 @@ Strategy. The classical forms want the base along the x axis of the left photogr
 against it. Image systems have four axes to choose from: both are turned by quarter turns until that is so, as an operator would
 have put the diapositives into the instrument.
 
-Standard errors from the tie points are those of a known camera, as published. Those from the block hold the errors of its camera as
-well: where the camera is poorly determined, they are larger, for an error of the principal point is one of the relative tilt.
+The published procedure may end in a wrong minimum without a word, as few wrong matches suffice to hide each other: the pair is
+started from five points as well, and where that fits far better it counts, and the failure is named. Standard errors from the tie
+points are those that parts of the photograph show, not less than the published ones, and hold the errors of the camera
+(pair_precision.py), as those from the block do.
 
 Source: Karfis 2009, sections 3.3 and 3.4 (sources/epipolar.md#relative-orientation, #rejection); Skarlatos, tables
 4.15 and 4.17 (sources/surface_check.md#table-4-15, #table-4-17).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +29,7 @@ from orthomill.tasks.adjustment.solve.mixed_model import MixedSolution, solve_mi
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import tie_rays
+from orthomill.tasks.orientation.relative.pair_precision import axes, camera_effect, scatter
 from orthomill.tasks.orientation.relative.pairs import common_rays, ideal_coordinates
 from orthomill.tasks.orientation.relative.relative_forms import (
     DependentOrientation,
@@ -36,12 +39,15 @@ from orthomill.tasks.orientation.relative.relative_forms import (
     five_rotation_form,
     from_exterior,
 )
-from orthomill.tasks.orientation.relative.relative_orientation import orient_dependent
+from orthomill.tasks.orientation.relative.relative_orientation import Relative, orient_dependent, orient_robust
 
 Unknowns = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """base (3,) and rotation (3, 3) to the five unknowns of a form"""
 _DEPENDENT = ("b_y / b_x", "b_z / b_x", "omega", "phi", "kappa")
 _FIVE = ("kappa 1", "kappa 2", "phi 1", "phi 2", "omega 2")
+_WRONG, _AGREEING = 3.0, 0.4
+"""times the sigma0 of a start from five points from which on the published one went wrong, and share of the tie points that must
+agree with these"""
 _LEAST_ALONG = 0.5
 """share of the base that has to lie along x after the best quarter turn; 0.7 is what is left of one between two axes"""
 
@@ -65,11 +71,23 @@ def classical_forms(block: Block, photos: Photos, tie_points: TiePoints, left: s
     for name in (left, right):
         block.check_holds(name)
     pair = _turned(block, left, right)
-    observations = _observations(block, photos, tie_points, (left, right), pair)
-    found = orient_dependent(observations, *pair.constants)
-    five = solve_mixed(FiveRotations(*pair.constants), observations[found.kept])
-    dependent = _rows("dependent", _DEPENDENT, found.solution, pair, lambda b, R: dependent_form(b, R, *pair.constants).unknowns)
-    rotations = _rows("five rotations", _FIVE, five, pair, lambda b, R: five_rotation_form(b, R, *pair.constants).unknowns)
+    matches = _Matches.of(block, photos, tie_points, (left, right), pair)
+    observations = matches.observations(block)
+    found, failed = _started(observations, pair)
+    kept, model = observations[found.kept], found.solution.model
+    changed = [matches.observations(moved)[found.kept] for moved in _moved_cameras(block, left, right)]
+    five = solve_mixed(five_rotation_form(model.base, model.rotation, *pair.constants), kept)
+    spreads = [_spread(solution, kept, changed) for solution in (found.solution, five)]
+    dependent = _rows(
+        "dependent", _DEPENDENT, (model.unknowns, spreads[0]), pair, lambda b, R: dependent_form(b, R, *pair.constants).unknowns
+    )
+    rotations = _rows(
+        "five rotations",
+        _FIVE,
+        (five.model.unknowns, spreads[1]),
+        pair,
+        lambda b, R: five_rotation_form(b, R, *pair.constants).unknowns,
+    )
     return PairForms(
         left=left,
         right=right,
@@ -78,7 +96,47 @@ def classical_forms(block: Block, photos: Photos, tie_points: TiePoints, left: s
         kept=int(found.kept.sum()),
         sigma0_px=float(found.solution.sigma0),
         unknowns=(*dependent, *rotations),
+        failed_start=failed,
     )
+
+
+def _started(observations: np.ndarray, pair: _Pair) -> tuple[Relative, tuple[int, float] | None]:
+    """The pair by the published procedure, and what that ended in where five points give a far better one, which is taken."""
+    published = orient_dependent(observations, *pair.constants)
+    try:
+        robust = orient_robust(observations, *pair.constants)
+        start = dependent_form(robust.solution.model.base, robust.solution.model.rotation, *pair.constants)
+        again = Relative(solve_mixed(start, observations[robust.kept]), robust.kept)
+    except GeometryError:
+        return published, None
+    sigma0 = float(published.solution.sigma0)
+    if again.kept.mean() >= _AGREEING and _WRONG * again.solution.sigma0 < sigma0:
+        return again, (int(published.kept.sum()), sigma0)
+    return published, None
+
+
+def _spread(
+    solution: MixedSolution[DependentOrientation] | MixedSolution[FiveRotations], kept: np.ndarray, changed: list[np.ndarray]
+) -> np.ndarray | None:
+    """Standard errors (5,) of the unknowns, angles in radians; None without redundancy."""
+    if not solution.redundancy:
+        return None
+
+    def orient(observations: np.ndarray) -> np.ndarray:
+        return solve_mixed(solution.model, observations).model.unknowns
+
+    formal, shown = solution.standard_errors**2, scatter(kept, orient)
+    own = formal if shown is None else np.maximum(formal, shown)
+    return np.sqrt(own + camera_effect(changed, orient, solution.model.unknowns))
+
+
+def _moved_cameras(block: Block, left: str, right: str) -> Iterator[Block]:
+    """The block with each camera of the pair moved along every axis of its covariance by one standard error."""
+    for name in dict.fromkeys(block.of_photo[photo] for photo in (left, right)):
+        camera = block.cameras[name]
+        for change in axes(np.array(camera.covariance)) if camera.covariance is not None else ():
+            moved = camera.with_interior(np.array(camera.interior) + change)
+            yield block.model_copy(update={"cameras": {**block.cameras, name: moved}})
 
 
 def _turned(block: Block, left: str, right: str) -> _Pair:
@@ -115,38 +173,48 @@ def _joint_covariance(block: Block, left: str, right: str) -> np.ndarray | None:
     return np.block([[np.array(own[0]), between], [between.T, np.array(own[1])]])
 
 
-def _observations(block: Block, photos: Photos, tie_points: TiePoints, names: tuple[str, str], pair: _Pair) -> np.ndarray:
-    """(s, 4): ideal coordinates of the common tie points in the turned systems, px. Raises GeometryError for too few."""
-    numbers = [photos.names.index(name) for name in names]
-    mine = tie_points.take(np.isin(tie_points.photo, numbers))
-    cameras = Cameras(cameras=block.cameras, of_photo=block.of_photo)
-    rays, _ = tie_rays(photos, cameras, mine)
-    of_photo = rows_of_photos(rays.photo, len(photos.names))
-    both = common_rays(rays, *(of_photo[number] for number in numbers))
-    if len(both[0]) < 6:
-        raise GeometryError(
-            f"{names[0]} and {names[1]} share {len(both[0])} tie points; a relative orientation needs six, so name two neighbours."
-        )
-    coordinates = ideal_coordinates(photos, cameras, rays)
-    sides = zip(both, pair.turns, pair.constants, strict=True)
-    return np.hstack([c * coordinates[own] @ _quarter(turn)[:2, :2].T for own, turn, c in sides])
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """The common tie points of a pair, whose ideal coordinates follow from the cameras."""
+
+    photos: Photos
+    tie_points: TiePoints
+    names: tuple[str, str]
+    pair: _Pair
+
+    @classmethod
+    def of(cls, block: Block, photos: Photos, tie_points: TiePoints, names: tuple[str, str], pair: _Pair) -> "_Matches":
+        """Raises GeometryError for too few."""
+        numbers = [photos.names.index(name) for name in names]
+        mine = tie_points.take(np.isin(tie_points.photo, numbers))
+        found = cls(photos, mine, names, pair)
+        if (count := len(found.observations(block))) < 6:
+            raise GeometryError(
+                f"{names[0]} and {names[1]} share {count} tie points; a relative orientation needs six, so name two neighbours."
+            )
+        return found
+
+    def observations(self, block: Block) -> np.ndarray:
+        """(s, 4): ideal coordinates in the turned systems with the cameras of `block`, px of the pair's own constants."""
+        cameras = Cameras(cameras=block.cameras, of_photo=block.of_photo)
+        rays, _ = tie_rays(self.photos, cameras, self.tie_points)
+        of_photo = rows_of_photos(rays.photo, len(self.photos.names))
+        both = common_rays(rays, *(of_photo[self.photos.names.index(name)] for name in self.names))
+        coordinates = ideal_coordinates(self.photos, cameras, rays)
+        sides = zip(both, self.pair.turns, self.pair.constants, strict=True)
+        return np.hstack([c * coordinates[own] @ _quarter(turn)[:2, :2].T for own, turn, c in sides])
 
 
 def _rows(
-    form: str,
-    names: tuple[str, ...],
-    solution: MixedSolution[DependentOrientation] | MixedSolution[FiveRotations],
-    pair: _Pair,
-    unknowns: Unknowns,
+    form: str, names: tuple[str, ...], points: tuple[np.ndarray, np.ndarray | None], pair: _Pair, unknowns: Unknowns
 ) -> list[PairUnknown]:
-    """The unknowns of a form, angles in degrees."""
+    """The unknowns of a form, angles in degrees; points: those of the tie points (5,), with their standard errors (5,)."""
+    of_points, own = points
     if pair.covariance is None:
         of_block, spread = unknowns(*from_exterior(pair.exterior)), None
     else:
         of_block, covariance = derived_precision(pair.exterior, pair.covariance, unknowns)
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    of_points = solution.model.unknowns
-    own = solution.standard_errors if solution.redundancy else None
     rows = []
     for k, name in enumerate(names):
         angle = not name.startswith("b_")

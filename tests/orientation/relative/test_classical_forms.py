@@ -1,12 +1,16 @@
 """A pair of an adjusted block in the classical forms: its tie points and the block say the same, in any turn of the photographs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from orienting import orient
 from simulated_block import two_strips
 
+from orthomill.pipeline.cli.lookups.relative_lines import relative_lines
 from orthomill.schemas.errors import GeometryError, PhotoError
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
+from orthomill.tasks.orientation.relative.pair_precision import axes, scatter
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +73,48 @@ def test_a_base_along_the_view_has_no_classical_form(adjusted):
     lifted = block.model_copy(update={"photos": tuple(above if p.photo == second.photo else p for p in block.photos)})
     with pytest.raises(GeometryError, match="lies along the view"):
         classical_forms(lifted, simulated.photos, simulated.tie_points, first.photo, second.photo)
+
+
+def test_wrong_matches_that_hide_each_other_are_named_and_the_pair_started_again(adjusted):
+    simulated, block = adjusted
+    left, right = (simulated.photos.names.index(name) for name in block.names[1:3])
+    shown = [set(simulated.tie_points.track[simulated.tie_points.photo == number].tolist()) for number in (left, right)]
+    wrong = sorted(shown[0] & shown[1])[::3]
+    row = simulated.tie_points.row.copy()
+    own = (simulated.tie_points.photo == right) & np.isin(simulated.tie_points.track, wrong)
+    # Alike in size, they widen sigma0 until none of them exceeds the limit.
+    row[own] += 40.0 * np.random.default_rng(3).choice([-1.0, 1.0], own.sum())
+    spoilt = replace(simulated.tie_points, row=row)
+    found = classical_forms(block, simulated.photos, spoilt, *block.names[1:3])
+    assert found.failed_start and found.failed_start[1] > 3 * found.sigma0_px and found.kept <= found.matches - 0.8 * len(wrong)
+    away = [abs(u.of_points - u.of_block) / np.hypot(u.sigma_of_points, u.sigma_of_block) for u in found.unknowns]
+    assert max(away) < 4
+    assert "The published procedure went wrong" in list(relative_lines(found))[1]
+
+
+def test_standard_errors_hold_what_neighbouring_points_share():
+    rng = np.random.default_rng(8)
+    places = rng.uniform(-500, 500, (400, 2))
+    # Errors that are common to the points of a part of the photograph, beside their own.
+    common = rng.normal(0, 1.0, (4, 4))[tuple(np.clip((places + 500) // 250, 0, 3).astype(int).T)]
+    value = common + rng.normal(0, 0.1, 400)
+
+    def mean(observations):
+        return np.repeat(observations[:, 2].mean(), 5)
+
+    found = np.sqrt(scatter(np.column_stack([places, value, value]), mean))
+    alone = value.std() / 20.0
+    assert 3 * alone < found[0] and found[0] == pytest.approx(common.std() / 4.0, rel=0.5)
+    assert scatter(np.column_stack([places[:3], places[:3]]), mean) is None
+
+
+def test_a_camera_that_is_not_known_widens_the_standard_errors(adjusted):
+    simulated, block = adjusted
+    name, camera = next(iter(block.cameras.items()))
+    unknown = np.zeros((17, 17))
+    unknown[1, 1] = unknown[2, 2] = 5.0**2
+    loose = block.model_copy(update={"cameras": {name: camera.model_copy(update={"covariance": tuple(map(tuple, unknown))})}})
+    known = classical_forms(block, simulated.photos, simulated.tie_points, *block.names[1:3])
+    found = classical_forms(loose, simulated.photos, simulated.tie_points, *block.names[1:3])
+    assert max(a.sigma_of_points / b.sigma_of_points for a, b in zip(found.unknowns, known.unknowns, strict=True)) > 1.3
+    assert np.allclose((axes(unknown) ** 2).sum(axis=0), np.diag(unknown))
