@@ -29,6 +29,9 @@ CHECKED_CODE = "dsm_check/code"
 """uint8 `CheckCode`"""
 ORTHO = "texture/ortho"
 """uint8 (rows, cols, 4): red, green, blue, alpha (0 where no photograph sees the ground)"""
+ORTHO_SOURCE = "texture/source"
+"""uint16: number, from 1 in the order of the block, of the photograph of the greatest weight at a pixel of the orthoimage; 0:
+none"""
 HEIGHT_SOURCE = "texture/height_source"
 """uint8 code of HeightSource, of every pixel of the orthoimage"""
 

@@ -28,6 +28,7 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.export.reference_systems import geotiff_wkt, plan_in_file, with_system
+from orthomill.pipeline.export.vectors.area_outlines import area_layer
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
@@ -37,6 +38,7 @@ from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Columns, Export, FileBytes
+from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.maps.map_page import MapPage
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
@@ -190,6 +192,8 @@ def stack_of(export: Export, store: ReadableStore) -> Stack:
 def _type_and_nodata(specs: tuple[RasterSpec, ...]) -> tuple[np.dtype, float | None]:
     alike = len({(spec.dtype, str(spec.nodata)) for spec in specs}) == 1
     dtype = np.dtype(specs[0].dtype) if alike else np.dtype(np.float32)
+    if not alike and all(np.dtype(spec.dtype).kind == "u" and spec.nodata is None for spec in specs):
+        return np.result_type(*(spec.dtype for spec in specs)), None
     if dtype.kind == "f":
         return dtype, specs[0].nodata if alike and specs[0].nodata is not None else math.nan
     return dtype, specs[0].nodata
@@ -331,6 +335,15 @@ def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
     write_whole(path, text.encode())
 
 
+def _write_areas(export: Export, store: ReadableStore, path: Path) -> None:
+    codes = export.rasters.get("codes")
+    if codes is None:
+        raise StoreError(f'{export.path} is made of areas and needs a raster called "codes".')
+    layer = area_layer(path.stem, store, codes, _the_table(export, store, CodedAreas))
+    with _renamed_when_whole(path) as temporary:
+        write_geopackage(temporary, (layer,), store.spec(codes).crs)
+
+
 def _line_layer(export: Export, store: ReadableStore) -> Layer:
     """The lines of the one table of an export, under the name of its file."""
     return Layer(Path(export.path).stem, "line", tuple(line_features(_the_table(export, store, MapLines))))
@@ -401,4 +414,5 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "dxf": _write_dxf,
     "geojson": _write_geojson,
     "map": _write_map,
+    "areas": _write_areas,
 }

@@ -96,12 +96,13 @@ class TileTexture(BaseModel):
 
 class OrthoTile(NamedTuple):
     """One tile of the orthoimage: `ortho` uint8 or uint16 (rows, cols, 4); `coverage`, `rejected` and `height_source`
-    uint8 (rows, cols)."""
+    uint8, `source` uint16 (rows, cols): the number of the heaviest photograph in the block, from 1, 0 without colour."""
 
     ortho: np.ndarray
     coverage: np.ndarray
     rejected: np.ndarray
     height_source: np.ndarray
+    source: np.ndarray
     statistics: TileTexture
 
 
@@ -201,8 +202,9 @@ def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -
 
 def _strip(
     ground: Ground, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
-) -> tuple[Blended, list[int]]:
-    """The blended strip, and the pixels that each photo sees. Colours are in the block's radiometry."""
+) -> tuple[Blended, list[int], np.ndarray]:
+    """The blended strip, the pixels that each photo sees, and which is the heaviest at a pixel. Colours are in the block's
+    radiometry."""
     shape = len(photos), *ground.z.shape
     colours, weights = np.zeros((*shape, bands_of(photos)), np.float32), np.zeros(shape, np.float32)
     for i, photo in enumerate(photos):
@@ -211,7 +213,8 @@ def _strip(
         found = Sampled(colours[i], weights[i], np.zeros(shape[1:], np.float32))
         photo.fill(found, ground, factor, rules.colours.border(photo.view.camera))
     broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.colours.breaks and photos else None
-    return blend(colours, weights, rules.colours.blend, broken), [int(np.count_nonzero(weight)) for weight in weights]
+    heaviest = weights.argmax(axis=0) if photos else np.zeros(ground.z.shape, np.int64)
+    return blend(colours, weights, rules.colours.blend, broken), [int(np.count_nonzero(weight)) for weight in weights], heaviest
 
 
 def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, level: float) -> np.ndarray:
@@ -269,12 +272,15 @@ def texture_tile(
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), f"uint{rules.bits}"), ColourTally(np.zeros(len(views)))
     seen, empty, level = np.zeros(len(views), np.int64), np.zeros(3, np.int64), block.ground_mean
+    source = np.zeros((height, width), np.uint16)
+    known_as = np.array([1 + block.names.index(view.name) for view in views] or [0], np.uint16)
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
         strip = scene.ground.part(window)
-        blended, sees = _strip(strip, scene, showing, rules, top)
+        blended, sees, heaviest = _strip(strip, scene, showing, rules, top)
         rows = slice(top, top + window.height)
         ortho[rows], coverage[rows], rejected[rows] = rgba(blended, rules.bits), blended.seen, blended.rejected
+        source[rows] = np.where(blended.used > 0, known_as[heaviest], 0)
         tally.add(blended)
         seen += np.array(sees, np.int64)  # also where no photograph shows the tile
         empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
@@ -290,7 +296,7 @@ def texture_tile(
         most=int(coverage.max()),
         photo_seen=dict(zip(names, seen.tolist(), strict=True)),
     )
-    return OrthoTile(ortho, coverage, rejected, sources, statistics)
+    return OrthoTile(ortho, coverage, rejected, sources, source, statistics)
 
 
 def sample_tile(

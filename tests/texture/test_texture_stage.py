@@ -67,11 +67,11 @@ def test_all_jobs_fit_their_functions_and_have_names_of_their_own():
 def test_rasters_are_announced_before_the_jobs_that_write_them():
     made = planned()
     names = [one.name for one in made if isinstance(one, RasterSpec)]
-    assert names[:4] == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source"]
-    assert names[4:] == ["texture/block_heights", "texture/ground"]
-    assert [isinstance(one, RasterSpec) for one in made[:6]] == [True] * 6
+    assert names[:5] == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source", "texture/source"]
+    assert names[5:] == ["texture/block_heights", "texture/ground"]
+    assert [isinstance(one, RasterSpec) for one in made[:7]] == [True] * 7
     assert {raster.name for job in jobs(made, "ortho") for key, raster in job.writes.items() if key != "statistics"} == set(
-        names[:4]
+        names[:5]
     )
 
 

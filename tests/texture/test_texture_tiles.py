@@ -6,7 +6,7 @@ from math import inf
 import cv2
 import numpy as np
 import pytest
-from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, true_ortho, view
+from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, sees, true_ortho, view
 from box_scene_stages import GAINS, VIGNETTING, photograph
 
 from orthomill.schemas.errors import WorkflowError
@@ -81,7 +81,7 @@ def make(
         cells = own, np.full_like(own, precision), codes[extent.heights.slices]
         result = texture_tile(*cells, block(), radiometry, pixels, extent, rules, blocks)
         statistics.append(result.statistics)
-        for name, values in zip(("ortho", "coverage", "rejected", "height_source"), result, strict=False):
+        for name, values in zip(("ortho", "coverage", "rejected", "height_source", "source"), result, strict=False):
             rasters.setdefault(name, np.zeros((*ORTHO.shape, *values.shape[2:]), values.dtype))[t.window.slices] = values
     return rasters, statistics
 
@@ -371,3 +371,16 @@ def test_a_tile_that_no_photograph_shows_is_empty(photos, radiometry):
     rasters, statistics = make(photos, radiometry, sources=[])
     assert not rasters["coverage"].any() and not rasters["ortho"].any()
     assert [one.photo_seen for one in statistics] == [{}]
+
+
+def test_the_heaviest_photograph_of_a_pixel_is_one_that_sees_it(ortho):
+    source, coverage = ortho[0]["source"], ortho[0]["coverage"]
+    assert np.array_equal(source > 0, ortho[0]["ortho"][..., 3] > 0) and source.max() <= len(CENTRES)
+    assert len(np.unique(source[coverage > 1])) > 1
+    x, y = ORTHO.centres(WHOLE)
+    points = np.column_stack([*(a.ravel() for a in np.meshgrid(x, y)), heights(ORTHO).ravel()])
+    seen = np.zeros(source.size, bool)
+    for number, name in enumerate(block().names, 1):
+        mine = source.ravel() == number
+        seen[mine] = sees(view(name), points[mine])
+    assert seen[source.ravel() > 0].mean() > 0.98, "but for the edges of the box"

@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 from pyproj import CRS, Transformer
 
-from orthomill.pipeline.export.vectors.map_features import Layer
+from orthomill.pipeline.export.vectors.map_features import Feature, Layer
 
 _DEGREES, _METRES = 8, 3
 """decimals: a millimetre, in either"""
@@ -25,7 +25,7 @@ def write_geojson(target: TextIO, layers: Iterable[Layer], crs: str | None) -> N
     for layer in layers:
         for feature in layer.features:
             properties = {"layer": layer.name, **feature.attributes} if many else feature.attributes
-            item = {"type": "Feature", "geometry": _geometry(feature.places, layer.kind, change), "properties": properties}
+            item = {"type": "Feature", "geometry": _geometry(feature, layer.kind, change), "properties": properties}
             target.write(("\n" if first else ",\n") + json.dumps(item))
             first = False
     target.write("\n]}\n")
@@ -39,11 +39,16 @@ def _to_degrees(crs: str | None) -> Transformer | None:
     return Transformer.from_crs(plane, CRS.from_epsg(4326), always_xy=True)
 
 
-def _geometry(places: np.ndarray, kind: str, change: Transformer | None) -> dict[str, object]:
+def _geometry(feature: Feature, kind: str, change: Transformer | None) -> dict[str, object]:
+    rings = [_coordinates(places, change) for places in (feature.places, *feature.holes)]
+    if kind == "point":
+        return {"type": "Point", "coordinates": rings[0][0]}
+    return {"type": "LineString", "coordinates": rings[0]} if kind == "line" else {"type": "Polygon", "coordinates": rings}
+
+
+def _coordinates(places: np.ndarray, change: Transformer | None) -> list[list[float]]:
     x, y = (places[:, 0], places[:, 1]) if change is None else change.transform(places[:, 0], places[:, 1])
     digits = _METRES if change is None else _DEGREES
     columns = (np.round(x, digits), np.round(y, digits), np.round(places[:, 2], _METRES))
-    rows = np.column_stack(columns).tolist()
-    if kind == "point":
-        return {"type": "Point", "coordinates": rows[0]}
-    return {"type": "LineString", "coordinates": rows} if kind == "line" else {"type": "Polygon", "coordinates": [rows]}
+    rows: list[list[float]] = np.column_stack(columns).tolist()
+    return rows

@@ -92,14 +92,13 @@ def _blob(feature: Feature, code: int, system: int) -> bytes:
     west, south, east, north = _extent(feature.places)
     envelope = struct.pack("<4d", west, east, south, north)
     # Flags: little endian, an envelope of X and Y.
-    return b"GP" + struct.pack("<BBi", 0, 0b00000011, system) + envelope + well_known_binary(feature.places, code)
+    return b"GP" + struct.pack("<BBi", 0, 0b00000011, system) + envelope + well_known_binary(feature.places, code, feature.holes)
 
 
-def well_known_binary(places: np.ndarray, code: int) -> bytes:
+def well_known_binary(places: np.ndarray, code: int, holes: tuple[np.ndarray, ...] = ()) -> bytes:
     """Little-endian ISO well-known binary of (N, 3) places as the geometry `code`, 1001 to 1003."""
-    coordinates = np.ascontiguousarray(places, "<f8").tobytes()
     head = struct.pack("<BI", 1, code)
     if code == _TYPES["point"][0]:
-        return head + coordinates
-    ring = struct.pack("<I", len(places)) + coordinates
-    return head + ring if code == _TYPES["line"][0] else head + struct.pack("<I", 1) + ring
+        return head + np.ascontiguousarray(places, "<f8").tobytes()
+    rings = [struct.pack("<I", len(ring)) + np.ascontiguousarray(ring, "<f8").tobytes() for ring in (places, *holes)]
+    return head + rings[0] if code == _TYPES["line"][0] else head + struct.pack("<I", len(rings)) + b"".join(rings)

@@ -22,6 +22,8 @@ class Feature:
     layer: str = ""
     dashed: bool = False
     text: str = ""
+    holes: tuple[np.ndarray, ...] = ()
+    """closed outlines (N, 3) inside that of an area"""
 
 
 @dataclass(frozen=True)

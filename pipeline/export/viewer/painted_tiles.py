@@ -52,7 +52,7 @@ def painted(store: ReadableStore, picture: Picture) -> PaintedRaster:
     """The raster of a picture, ready to be painted. Raises StoreError when it does not exist."""
     spec = store.spec(picture.raster)
     if picture.style == "rgb":
-        return PaintedRaster(picture, spec, MapLegend(), _rgb)
+        return PaintedRaster(picture, spec, MapLegend(), _rgb if spec.dtype == "uint8" else _stretched(store, picture))
     if picture.style == "classes":
         known = tuple((colour, meaning) for code, colour, meaning in picture.classes if code != spec.nodata)
         return PaintedRaster(picture, spec, MapLegend(classes=known), _classes(picture, spec))
@@ -83,6 +83,19 @@ def _rgb(values: np.ndarray) -> np.ndarray:
     if values.shape[2] == 4:
         return values
     return np.concatenate([values[..., :3], np.full((*values.shape[:2], 1), 255, np.uint8)], axis=2)
+
+
+def _stretched(store: ReadableStore, picture: Picture) -> Callable[[np.ndarray], np.ndarray]:
+    """Colours of more than 8 bits, from their 1st to their 99th percentile."""
+    seen = overview(store, picture.raster, OVERVIEW, nearest=False).values[..., :3]
+    low, high = np.nanpercentile(seen, (1, 99)) if np.isfinite(seen).any() else (0.0, 1.0)
+
+    def paint(values: np.ndarray) -> np.ndarray:
+        colours = (values[..., :3].astype(np.float64) - low) / max(high - low, 1e-12) * 255
+        opaque = values[..., 3:] > 0 if values.shape[2] == 4 else np.ones((*values.shape[:2], 1), bool)
+        return np.concatenate([np.rint(np.clip(colours, 0, 255)), 255 * opaque], axis=2).astype(np.uint8)
+
+    return paint
 
 
 def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.ndarray]:

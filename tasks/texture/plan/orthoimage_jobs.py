@@ -7,6 +7,7 @@ from statistics import median
 
 from orthomill.schemas.bare_ground import CELL_CLASS, point_classes_table
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
+from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
@@ -18,6 +19,7 @@ from orthomill.schemas.surface import (
     HEIGHT,
     HEIGHT_SOURCE,
     ORTHO,
+    ORTHO_SOURCE,
     PRECISION,
     PROVENANCE,
     RELATIVE_PRECISION,
@@ -40,6 +42,15 @@ from orthomill.tasks.texture.report.texture_report import COVERAGE, REJECTED, Te
 CELLS_OF_ONE_FILE = 40_000_000
 """Cells of the surface model up to which its points are one file; about as many points, of about ten bytes each."""
 RADIOMETRY = radiometry_table("texture")
+
+
+SOURCE_AREAS = Table("texture/sources.json", CodedAreas)
+
+
+def photographs_of_codes(block: Block, photos: Photos) -> CodedAreas:
+    """Name and time of the photographs by their number in `ORTHO_SOURCE`."""
+    taken = {name: photos[name].time or "" for name in block.names}
+    return CodedAreas(attributes={k: {"photograph": name, "taken": taken[name]} for k, name in enumerate(block.names, 1)})
 
 
 def samples_table(tile: Tile) -> Table[Samples]:
@@ -130,6 +141,8 @@ class OrthoimageJobs:
         yield map_raster(COVERAGE, ortho, "uint8", crs, size, unit="photos")
         yield map_raster(REJECTED, ortho, "uint8", crs, size, unit="colours")
         yield map_raster(HEIGHT_SOURCE, ortho, "uint8", crs, size)
+        names = {f"photograph {k}": name for k, name in enumerate(self.block.names, 1)}
+        yield map_raster(ORTHO_SOURCE, ortho, "uint16", crs, size).model_copy(update={"tags": names})
 
     def _sources(self, wanted: float) -> list[PhotoSource]:
         """The photographs at the level with pixels of about `wanted` m."""
@@ -155,6 +168,7 @@ class OrthoimageJobs:
 
     def _orthoimage(self, relief: ReliefMap, rules: TextureRules) -> Iterator[Job]:
         rasters = {"ortho": ORTHO, "coverage": COVERAGE, "rejected": REJECTED, "height_source": HEIGHT_SOURCE}
+        rasters["source"] = ORTHO_SOURCE
         fine = self._sources(self.ortho.cell)
         for tile in self.tiles:
             extent = tile_extent(relief, self.ortho, tile.window, fine, rules.halo, rules.around)
@@ -194,11 +208,21 @@ class OrthoimageJobs:
             params={"facts": facts},
         )
 
-    def _products(self) -> Iterator[Export]:
+    def _products(self) -> Iterator[Job | Export]:
         """The orthoimage; the matched points, in a file for each tile where the model is large, and its cells, coloured."""
         dsm = self.surface.grid
         yield Export("texture", "ortho_cog", "products/ortho.tif", "cog", {"rgba": ORTHO})
         yield Export("texture", "height_source_cog", "products/ortho_height_source.tif", "cog", {"height_source": HEIGHT_SOURCE})
+        yield Job(
+            stage="texture",
+            item="photographs",
+            function=photographs_of_codes,
+            reads={"block": BLOCK, "photos": PHOTOS},
+            writes={"areas": SOURCE_AREAS},
+        )
+        sources = {"photograph": ORTHO_SOURCE, "photographs": COVERAGE}
+        yield Export("texture", "source_cog", "products/ortho_source.tif", "cog", sources)
+        yield Export("texture", "seams", "products/ortho_seams.gpkg", "areas", {"codes": ORTHO_SOURCE}, (SOURCE_AREAS,))
         tiles = tiles_of(dsm.shape, self.view.project.tile)
         classed = self.view.has_stage("terrain")
         places = [(tile.row, tile.col) for tile in tiles]

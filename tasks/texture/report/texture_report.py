@@ -49,6 +49,8 @@ _PRODUCTS = (
         classed=_BOTH,
     ),
     Product(path="products/dsm_cells.laz", purpose="The surface model as a point cloud in colour", main=True, classed=_BOTH),
+    Product(path="products/ortho_source.tif", purpose="Which photograph weighs most at a place, and how many see it"),
+    Product(path="products/ortho_seams.gpkg", purpose="Seams: the area of every photograph in the orthoimage, and its time"),
     Product(path="products/ortho_height_source.tif", purpose="Where the orthoimage rests on measured, estimated or draped heights"),
 )
 _FILLED = 0.99

@@ -2,15 +2,20 @@
 
 import json
 import sqlite3
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer, line_features
 from orthomill.schemas.bare_ground import ContourLines
+from orthomill.schemas.job import Export, Table
+from orthomill.schemas.maps.coded_areas import CodedAreas
+from orthomill.schemas.raster import MapGrid, map_raster
 
 
 def contours() -> ContourLines:
@@ -97,3 +102,19 @@ def test_geojson_is_in_degrees_and_on_a_plane_of_its_own_in_metres(tmp_path):
         place = found["features"][0]["geometry"]["coordinates"][0]
         assert place[:2] == pytest.approx(first, abs=0.02) and place[2] == 10.0
         assert found["features"][1]["properties"] == {"height": 12.5, "index": False, "measured": False, "sigma": 0.5}
+
+
+def test_areas_of_codes_are_polygons_with_holes_and_names(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    codes = np.zeros((60, 80), np.uint16)
+    codes[10:50, 10:60], codes[20:40, 20:40], codes[0, 0] = 1, 2, 2
+    grid = MapGrid(west=407000.0, north=4357000.0, cell=0.5, rows=60, cols=80)
+    spec = map_raster("texture/source", grid, "uint16", "EPSG:2100", 64)
+    areas = CodedAreas(attributes={1: {"photograph": "a.jpg", "taken": "2026-05-01"}, 2: {"photograph": "b.jpg", "taken": ""}})
+    store = SimpleNamespace(spec=lambda _: spec, read=lambda _, window: codes[window.slices], table=lambda _: areas)
+    seams = Export("texture", "seams", "seams.gpkg", "areas", {"codes": "texture/source"}, (Table("a.json", CodedAreas),))
+    export(seams, store, tmp_path)
+    meta, _, geometry, columns = pyogrio.raw.read(tmp_path / "seams.gpkg")
+    found = dict(zip(meta["fields"], columns, strict=True))
+    assert found["photograph"].tolist() == ["a.jpg", "b.jpg"] and found["area_m2"].tolist() == [400.0, 100.0]
+    assert meta["crs"] == "EPSG:2100" and int.from_bytes(geometry[0][5:9], "little") == 2, "an outline and a hole"
