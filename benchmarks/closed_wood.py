@@ -43,7 +43,7 @@ FLIGHT: dict[str, Any] = {
     "buildings": 1,
     "board_photos": 0,
     "gnss_sigma": 0.02,
-    "control": 6,
+    "control": 0,
     "check": 0,
 }
 """45 m above the plain, trees up to 12 m: pixels of 0.075 m on the ground, overlaps of 85 and 70 %"""
@@ -63,7 +63,6 @@ WORKFLOW = {
         "pixel_um": 75.0,
     },
     "positions": {"kind": "simulated"},
-    "control": {"kind": "simulated"},
     "tile": 512,
     "stages": [
         FLIGHT,

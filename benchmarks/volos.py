@@ -79,6 +79,7 @@ GOALS = (
     Goal("of this, by the datum of the block", "-", "evaluation.ortho_datum_shift_mean_col_px"),
     Goal("orthoimage, doubled roofs", "0.3 %", "evaluation.ortho_doubled_share", most(0.3)),
     Goal("the same without pixels that touch the roof", "0.3 %", "evaluation.ortho_doubled_apart_share", most(0.3)),
+    Goal("orthoimage, roof edges from a straight line", "0.5 px", "evaluation.ortho_roof_edges_jagged_px", most(0.5)),
     Goal("orthoimage, disturbed road where 3 or more photos see it", "1 %", "evaluation.ortho_roads_disturbed_3", most(1)),
     Goal("orthoimage, PSNR", "-", "evaluation.ortho_psnr"),
     Goal("orthoimage, SSIM", "-", "evaluation.ortho_ssim"),

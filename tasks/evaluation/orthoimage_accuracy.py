@@ -7,6 +7,7 @@
 - Double projection: the second image of a roof lies on ground that the building hides from some photograph. There, a pixel that is
   far from its true colour and closer to that of the adjacent roof counts as doubled. The same rule on ground that no building hides
   from any photograph shows how often it applies by chance.
+- Edges of roofs: their departure from a straight line (`roof_lines.py`).
 - Vehicles: road pixels far from their vehicle-free truth, where three photographs or more show the place.
 """
 
@@ -24,6 +25,7 @@ from orthomill.schemas.surface import HeightSource
 from orthomill.schemas.truth import OPEN_MATERIALS, Material
 from orthomill.tasks.evaluation.classes import PlaceClass
 from orthomill.tasks.evaluation.orientation_accuracy import datum_shifts
+from orthomill.tasks.evaluation.roof_lines import edge_lines
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.matching.least_squares.matching import match_points
@@ -89,6 +91,9 @@ class OrthoCounts(BaseModel):
     road_3_far: int = 0
     road_fewer: int = 0
     road_fewer_far: int = 0
+    edge_squares: float = 0.0
+    """px^2: sum of the squared departures of roof edges from their best straight line"""
+    edge_places: int = 0
     difference_absolute: float = 0.0
     difference_count: int = 0
 
@@ -357,9 +362,17 @@ def count_ortho(scene: OrthoScene, core: Window, hidden_photos: np.ndarray) -> O
         "road_fewer_far": few & far,
         "difference_count": judged,
     }
+    grey, true = (np.where(scene.judged, image, np.nan) for image in (scene.grey, scene.true_grey))
+    # Where one photograph shows an edge there is no height to be straight or not.
+    roof, seen_twice = scene.material == Material.ROOF, (scene.seen != 255) & (scene.seen >= 2)
+    edges = edge_lines(grey, true, roof, seen_twice, (scene.window.row, scene.window.col), inner)
     absolute = float(channel_mean(scene.difference)[inner][judged].sum())
     return OrthoCounts(
-        ssim_sum=float(np.nansum(index)), difference_absolute=absolute, **{name: int(mask.sum()) for name, mask in counts.items()}
+        ssim_sum=float(np.nansum(index)),
+        difference_absolute=absolute,
+        edge_squares=edges.squares,
+        edge_places=edges.places,
+        **{name: int(mask.sum()) for name, mask in counts.items()},
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.stage_report import Chart, Figure, Picture
 from orthomill.schemas.surface import ORTHO
+from orthomill.tasks.evaluation.orthoimage_accuracy import OrthoCounts
 from orthomill.tasks.evaluation.report.report_section import ReportSection, share_of
 from orthomill.tasks.evaluation.tile_sums import OrthoSummary, rounded
 
@@ -68,6 +69,11 @@ _TRUTH_FIGURES = (
         "ortho_doubled_by_chance",
         "%",
         "The same on ground that no building hides from any photograph: how often the rule applies without cause.",
+    ),
+    (
+        "ortho_roof_edges_jagged_px",
+        "px",
+        "Departure of roof edges from their best straight line over 21 px (root mean square), where two photographs show the roof.",
     ),
     (
         "ortho_roads_disturbed_3",
@@ -140,9 +146,14 @@ def _truth_values(summary: OrthoSummary) -> dict[str, float | int | None]:
         "ortho_doubled_share": share_of(counts.shadow_doubled, counts.shadow),
         "ortho_doubled_apart_share": share_of(counts.shadow_doubled_apart, counts.shadow),
         "ortho_doubled_by_chance": share_of(counts.free_doubled, counts.free),
+        "ortho_roof_edges_jagged_px": _jagged(counts),
         "ortho_roads_disturbed_3": share_of(counts.road_3_far, counts.road_3),
         "ortho_roads_disturbed_fewer": share_of(counts.road_fewer_far, counts.road_fewer),
     }
+
+
+def _jagged(counts: OrthoCounts) -> float | None:
+    return rounded((counts.edge_squares / counts.edge_places) ** 0.5, 3) if counts.edge_places else None
 
 
 def _shift_chart(summary: OrthoSummary) -> Chart:
