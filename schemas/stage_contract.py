@@ -54,6 +54,10 @@ class Stage(Settings):
 
     title: ClassVar[str]
     """The subject of the stage as a noun phrase, for reports and progress lines."""
+    makes_photographs: ClassVar[bool] = False
+    """Whether photographs, positions and control of `kind: simulated` come from it."""
+    for_own_photographs: ClassVar[bool] = True
+    """Whether a project with photographs of its own runs it at first: it needs neither known truth nor a reference."""
 
     kind: str
 

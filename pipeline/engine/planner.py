@@ -108,11 +108,10 @@ class Planner:
     def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
         if source.kind != "simulated":
             return self.list_images(source)
-        if "simulation" not in self.complete:
-            if not self.has_stage("simulation"):
-                raise WorkflowError(
-                    "The photographs are simulated, but the workflow has no stage 'simulation'; add it as the first stage."
-                )
+        makers = [stage.kind for stage in self.stages if stage.makes_photographs]
+        if not makers:
+            raise WorkflowError("The photographs are simulated, but the workflow has no stage that simulates them; add it first.")
+        if not set(makers) <= self.complete:
             raise NotYet("the simulated photographs")
         files = self.graph.exported_files(simulated_folder)
         return tuple(path for path in files if PurePosixPath(path).suffix.lower() in IMAGE_SUFFIXES)

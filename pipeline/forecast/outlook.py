@@ -6,14 +6,11 @@ from pathlib import Path
 from orthomill.pipeline.forecast.forecast import Forecast, block_forecast
 from orthomill.pipeline.forecast.rates import rates_here
 from orthomill.pipeline.workflow.starting_workflow import Look
-from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of
+from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.schemas.findings.flight_findings import FirstLook
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
-
-_NO_STAGES = frozenset({SIMULATION, "evaluation"})
-"""What a project with photographs of its own does not run."""
 
 
 def outlook(look_ahead: Look, stages: tuple[type[Stage], ...], root: Path) -> Look:
@@ -23,7 +20,7 @@ def outlook(look_ahead: Look, stages: tuple[type[Stage], ...], root: Path) -> Lo
         seen = look_ahead(headers, crs)
         used = set(seen.used)
         megapixels = sum(header.width * header.height for header in headers if header.path in used) / 1e6
-        kinds = [kind for kind in map(kind_of, stages) if kind not in _NO_STAGES]
+        kinds = [kind_of(stage) for stage in stages if stage.for_own_photographs]
         tile = Project.model_fields["tile"].default
         # No run of this project exists yet, so that no folder has to be left out.
         effort = effort_sentence(block_forecast(kinds, megapixels, tile, rates_here(root / "runs", but=root)))

@@ -17,7 +17,7 @@ from pyproj.exceptions import CRSError
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.photograph_survey import Survey, survey_photographs
-from orthomill.pipeline.workflow.workflow_checks import SIMULATION, kind_of, unfit_map
+from orthomill.pipeline.workflow.workflow_checks import kind_of, unfit_map
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.findings.flight_findings import FirstLook
@@ -27,8 +27,6 @@ from orthomill.schemas.stage_contract import Stage
 
 SETTINGS_SHOWN = 4
 """settings of a stage that a starting workflow shows; docs/settings.md has all"""
-_NOT_AT_FIRST = frozenset({SIMULATION, "evaluation"})
-"""Stages that need known truth or a reference."""
 _WIDTH = 120
 """characters of a line of comments"""
 _ELLIPSOIDAL = "+4979"
@@ -115,7 +113,7 @@ def starting_text(
 ) -> str:
     """The text of a starting workflow; what a `look` found stands in its head."""
     # What is unknown is written as an empty setting: the loader then names the line, and no placeholder can be run by mistake.
-    stages = [stage for stage in catalogue if kind_of(stage) not in _NOT_AT_FIRST and not _asks(stage)]
+    stages = [stage for stage in catalogue if stage.for_own_photographs and not _asks(stage)]
     lines = [
         *_head(name, survey, look.lines if look else ()),
         *_crs(survey, crs, look is not None and look.ellipsoidal),

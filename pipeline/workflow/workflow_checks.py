@@ -28,7 +28,6 @@ from orthomill.schemas.project import PhotoFolder, PhotoList, Project
 from orthomill.schemas.project_paths import FileRole, file_roles
 from orthomill.schemas.stage_contract import Stage
 
-SIMULATION = "simulation"
 REGISTRATION = "registration"
 _MAP_SUFFIXES = (".tif", ".tiff")
 _LONGEST_PATH, _LONGEST_NAME = 4000, 255
@@ -80,11 +79,12 @@ def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) ->
 
 def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
     """Simulated data need the stage that simulates them."""
-    if SIMULATION in kinds.names or SIMULATION not in map(kind_of, catalogue):
+    makers = [kind_of(stage) for stage in catalogue if stage.makes_photographs]
+    if not makers or set(makers) & set(kinds.names):
         return
     for name in ("photographs", "positions", "control"):
         if getattr(project, name).kind == "simulated":
-            mistakes.add((name,), f"is simulated, but no stage '{SIMULATION}' is in this workflow; add '- {SIMULATION}' first.")
+            mistakes.add((name,), f"is simulated, but no stage '{makers[0]}' is in this workflow; add '- {makers[0]}' first.")
 
 
 def check_registration(project: Project, kinds: Kinds, mistakes: Mistakes) -> None:

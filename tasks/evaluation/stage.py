@@ -36,6 +36,7 @@ class EvaluationStage(Stage):
     """Surface model, orthoimage and orientation against truth or a reference: figures, maps, and shares within n sigma."""
 
     title: ClassVar[str] = "Accuracy evaluation"
+    for_own_photographs: ClassVar[bool] = False
 
     kind: Literal["evaluation"] = "evaluation"
     reference: Annotated[TruthReference | FileReference | NoReference, Field(discriminator="kind")] = setting(

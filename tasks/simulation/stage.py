@@ -36,6 +36,8 @@ class SimulationStage(Stage):
     and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
+    makes_photographs: ClassVar[bool] = True
+    for_own_photographs: ClassVar[bool] = False
 
     kind: Literal["simulation"] = "simulation"
     scene: SceneChoice = setting(TownScene(), "What is photographed.")

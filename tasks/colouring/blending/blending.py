@@ -34,8 +34,7 @@ class Blend:
     two_limit: float = 0.0
 
 
-@dataclass(frozen=True)
-class Blended:
+class Blended(NamedTuple):
     """Blended pixels.
 
     `colour` (rows, cols, bands) float32; `seen`, `used`, `rejected` (rows, cols) uint8 counts of values; `share` (photos,) float64,
@@ -60,17 +59,6 @@ class _Rules(NamedTuple):
     power: int
     best: int
     two_limit: float
-
-
-class _Images(NamedTuple):
-    """The arrays of `Blended` for the kernels, which fill them."""
-
-    colour: np.ndarray
-    used: np.ndarray
-    rejected: np.ndarray
-    share: np.ndarray
-    seen: np.ndarray
-    difference: np.ndarray
 
 
 class _Work(NamedTuple):
@@ -329,11 +317,10 @@ def blend(colours: np.ndarray, weights: np.ndarray, how: Blend, broken: np.ndarr
     rules = _Rules(
         int(CENTRES[rejection.centre]), float(rejection.k), float(rejection.least), how.power, how.best, float(how.two_limit)
     )
-    images = _Images(result.colour, result.used, result.rejected, result.share, result.seen, result.difference)
     kinds = [(cols, np.float32)] * 3 + [((cols, bands), np.float32)] * 2 + [(cols, np.float32)] * 2 + [(cols, np.uint8)]
     lines: list[np.ndarray] = [np.empty(shape, kind) for shape, kind in kinds]
     work = _Work(np.empty(MOST, np.bool_), *(np.empty(MOST, kind) for kind in (float, float, float, float, np.int64)))
     pixels = np.ascontiguousarray(colours, np.float32), np.ascontiguousarray(weights, np.float32)
     breaks = np.zeros((0, 0, 0), np.bool_) if broken is None else np.ascontiguousarray(broken, np.bool_)
-    _blend(*pixels, breaks, rules, images, _Row(*lines), np.empty((MOST, bands)), work)
+    _blend(*pixels, breaks, rules, result, _Row(*lines), np.empty((MOST, bands)), work)
     return result

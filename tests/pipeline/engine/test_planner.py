@@ -85,7 +85,7 @@ def test_a_stage_waits_as_long_as_an_earlier_one_is_not_planned_completely(tmp_p
 def test_photographs_on_disk_are_listed_and_simulated_ones_are_waited_for(tmp_path):
     planner = planner_of(tmp_path, SourceStage())
     assert planner.image_files(FOLDER) == ("photos",)
-    with pytest.raises(WorkflowError, match="has no stage 'simulation'; add it as the first stage"):
+    with pytest.raises(WorkflowError, match="has no stage that simulates them; add it first"):
         planner.image_files(SIMULATED)
 
 
@@ -93,6 +93,7 @@ class SimulationStage(Stage):
     """Stands for the stage that renders photographs."""
 
     title: ClassVar[str] = "Simulated photographs"
+    makes_photographs: ClassVar[bool] = True
     kind: Literal["simulation"] = "simulation"
 
     def plan(self, view):
