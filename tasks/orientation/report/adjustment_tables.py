@@ -2,7 +2,7 @@
 
 from orthomill.schemas.orientation import BlockPrecision, DistanceResidual, GroundResiduals
 from orthomill.schemas.stage_report import Grid
-from orthomill.tasks.orientation.sources.source_tables import source_grids
+from orthomill.tasks.orientation.report.source_tables import source_grids
 
 TITLES = {"control": "Ground control", "check": "Check points (took no part)", "position": "GNSS positions"}
 DIFFERENCES = ("name", "dX", "dY", "dZ", "predicted sigma X", "predicted sigma Y", "predicted sigma Z")

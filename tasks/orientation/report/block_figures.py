@@ -7,7 +7,7 @@ from orthomill.schemas.stage_report import Figure
 from orthomill.tasks.orientation.examined.block_facts import Facts
 from orthomill.tasks.orientation.examined.block_numbers import accuracy, centre_sigmas, ground_sigmas
 from orthomill.tasks.orientation.examined.photographed_surface import coverage
-from orthomill.tasks.orientation.sources.source_tables import source_figures
+from orthomill.tasks.orientation.report.source_tables import source_figures
 
 PLACES = {
     "control": "at the control points, which hold the block",
