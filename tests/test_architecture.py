@@ -167,7 +167,8 @@ def test_a_stage_file_holds_no_numerics():
     nobody(offenders(sorted((ROOT / "tasks").glob("*/stage.py")), "numpy", "numba", "scipy", "cv2"))
 
 
-DOORED = ("colouring", *STAGES)
+# The viewer shows the pictures of other stages: their reports are what its method reads.
+DOORED = ("colouring", *(stage for stage in STAGES if stage != "viewer"))
 NUMERICS = ("numpy", "numba", "scipy", "cv2")
 
 

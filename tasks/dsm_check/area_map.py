@@ -14,7 +14,7 @@ from pyproj import CRS, Transformer
 from orthomill.schemas.job import Table
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.dsm_check.areas import SuspiciousArea
-from orthomill.tasks.dsm_check.report.area_words import ERRORS, AreaWords
+from orthomill.tasks.dsm_check.difference_words import ERRORS, AreaWords
 from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
 
 Ring = tuple[tuple[float, float], ...]

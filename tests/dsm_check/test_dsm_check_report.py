@@ -19,9 +19,10 @@ from orthomill.tasks.dsm_check.coverage import (
     rasterised,
     seen_ground,
 )
+from orthomill.tasks.dsm_check.difference_words import CHANGES
 from orthomill.tasks.dsm_check.judged_blocks import tolerance_values
 from orthomill.tasks.dsm_check.nodes import BANDS, DH, OUTCOME
-from orthomill.tasks.dsm_check.report.area_words import CHANGES, area_warnings
+from orthomill.tasks.dsm_check.report.area_words import area_warnings
 from orthomill.tasks.dsm_check.report.check_report import Blocks, report
 from orthomill.tasks.dsm_check.report.round_words import relief_values, shift_warnings
 from orthomill.tasks.dsm_check.stage import DsmCheckStage

@@ -8,7 +8,7 @@ from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, contour_pieces, smoothed
 from orthomill.tasks.terrain.contours.joined_contours import join_contours
-from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
+from orthomill.tasks.terrain.terrain_sums import TerrainSums
 
 SIDE, SIGMA = 120, 0.05
 GRID = MapGrid(west=500.0, north=900.0, cell=0.5, rows=SIDE, cols=SIDE)

@@ -10,10 +10,10 @@ from orthomill.schemas.surface import CHECKED_CODE, CORRECTED, CheckCode
 from orthomill.tasks.dsm_check.area_map import AREA_MAP
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS
+from orthomill.tasks.dsm_check.difference_words import CHANGES, ERRORS
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.plan.passes import Passes, counts_table
 from orthomill.tasks.dsm_check.plan.round_plan import Reads, coarser
-from orthomill.tasks.dsm_check.report.area_words import CHANGES, ERRORS
 from orthomill.tasks.dsm_check.report.check_report import DETECTABLE, DH, PRECISION, TEST, Blocks, report
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile

@@ -12,9 +12,10 @@ from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
 from orthomill.tasks.dsm_check.areas import CoarseBlocks, SuspiciousArea, Trend, fitted_trend, suspicious_areas
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs
+from orthomill.tasks.dsm_check.difference_words import ERRORS, AreaWords
 from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
 from orthomill.tasks.dsm_check.judged_blocks import median_detectable, tolerance_values
-from orthomill.tasks.dsm_check.report.area_words import ERRORS, AreaWords, area_warnings, areas_grid
+from orthomill.tasks.dsm_check.report.area_words import area_warnings, areas_grid
 from orthomill.tasks.dsm_check.report.round_words import (
     beyond_warning,
     check_evidence,

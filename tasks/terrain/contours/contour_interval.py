@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.bare_ground import TerrainCode
-from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
+from orthomill.tasks.terrain.terrain_sums import TerrainSums
 
 NINE_OF_TEN = 2 * 1.645
 """standard errors along an interval of which half holds nine of ten errors"""

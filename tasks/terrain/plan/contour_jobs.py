@@ -8,8 +8,8 @@ from orthomill.schemas.raster import MapGrid, Tile, Window
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
 from orthomill.tasks.terrain.contours.joined_contours import join_contours
-from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
 from orthomill.tasks.terrain.stage import DrawContours
+from orthomill.tasks.terrain.terrain_sums import TerrainSums
 
 INTERVAL = Table("terrain/contour_interval.json", ContourInterval)
 _FORMATS = {"contours.gpkg": "gpkg", "contours.dxf": "dxf", "contours.geojson": "geojson"}

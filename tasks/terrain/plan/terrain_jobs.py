@@ -18,8 +18,8 @@ from orthomill.tasks.terrain.ground.learned_errors import ErrorCurve, HiddenGrou
 from orthomill.tasks.terrain.ground.terrain_cells import blocks_around
 from orthomill.tasks.terrain.plan.contour_jobs import INTERVAL, contour_jobs
 from orthomill.tasks.terrain.report.terrain_report import TerrainFacts, terrain_report
-from orthomill.tasks.terrain.report.terrain_sums import TerrainSums, sums_of_tile
 from orthomill.tasks.terrain.stage import DrawContours, TerrainStage
+from orthomill.tasks.terrain.terrain_sums import TerrainSums, sums_of_tile
 from orthomill.tasks.terrain.terrain_tile import (
     TerrainRules,
     blocks_of_tile,

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Literal
 
-import numpy as np
-
 from orthomill.schemas.bare_ground import (
     ABOVE_GROUND,
     CELL_CLASS,
@@ -20,7 +18,7 @@ from orthomill.schemas.bare_ground import (
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_CELLS, ErrorCurve
-from orthomill.tasks.terrain.report.terrain_sums import TerrainSums
+from orthomill.tasks.terrain.terrain_sums import TerrainSums
 
 _NAMES = {
     TerrainCode.MEASURED: "measured",
@@ -57,18 +55,18 @@ class TerrainFacts:
 
 @dataclass(frozen=True)
 class _TerrainTotals:
-    cells: np.ndarray
-    squares: np.ndarray
-    classes: np.ndarray
+    cells: tuple[int, ...]
+    squares: tuple[float, ...]
+    classes: tuple[int, ...]
     tallest: float
 
     @property
     def terrain(self) -> int:
         """Cells that have a ground."""
-        return int(self.cells[1:].sum())
+        return sum(self.cells[1:])
 
     def share(self, code: int) -> float:
-        return 100.0 * int(self.cells[code]) / self.terrain if self.terrain else 0.0
+        return 100.0 * self.cells[code] / self.terrain if self.terrain else 0.0
 
     def error(self, code: int) -> float | None:
         """Root mean square of the standard errors, m."""
@@ -80,9 +78,9 @@ def terrain_report(
 ) -> StageReport:
     """The report of the stage from the sums of all tiles and what hiding ground told."""
     totals = _TerrainTotals(
-        np.sum([tile.cells for tile in sums], axis=0),
-        np.sum([tile.squares for tile in sums], axis=0),
-        np.sum([tile.classes for tile in sums], axis=0),
+        tuple(map(sum, zip(*(tile.cells for tile in sums), strict=True))),
+        tuple(map(sum, zip(*(tile.squares for tile in sums), strict=True))),
+        tuple(map(sum, zip(*(tile.classes for tile in sums), strict=True))),
         max(tile.tallest for tile in sums),
     )
     warnings = tuple(_warnings(totals, curve))
@@ -119,7 +117,7 @@ def _answers(totals: _TerrainTotals) -> tuple[Answer, ...]:
     text = f"{totals.share(TerrainCode.MEASURED):.0f} % measured"
     if known is not None:
         text += f", standard error {_metres(known)}"
-    squares, cells = totals.squares[2:].sum(), int(totals.cells[2:].sum())
+    squares, cells = sum(totals.squares[2:]), sum(totals.cells[2:])
     if cells:
         text += f"; the rest bridged or guessed, {_metres(sqrt(squares / cells))}"
     return (Answer(topic=Topic.TERRAIN, text=text),)
@@ -184,8 +182,8 @@ def _code_grid(totals: _TerrainTotals) -> Grid:
 
 
 def _class_grid(totals: _TerrainTotals) -> Grid:
-    whole = int(totals.classes[1:].sum())
-    rows = [(meaning, code, round(100.0 * int(totals.classes[code]) / whole, 2)) for code, _, meaning in CELL_CLASSES[1:] if whole]
+    whole = sum(totals.classes[1:])
+    rows = [(meaning, code, round(100.0 * totals.classes[code] / whole, 2)) for code, _, meaning in CELL_CLASSES[1:] if whole]
     return Grid(
         title="What the surface shows",
         columns=("class", "number", "share %"),
