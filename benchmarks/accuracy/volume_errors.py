@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
-from orthomill.schemas.accuracy.measurements import SurfaceCut
+from orthomill.schemas.accuracy.surface_answers import SurfaceCut
 from orthomill.schemas.raster import Window
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart

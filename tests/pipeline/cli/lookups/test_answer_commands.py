@@ -21,7 +21,7 @@ from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.surface import DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
-from orthomill.tasks.catalogue import StoredCovariance, SurveyedPoint, accepted, inspected, measure
+from orthomill.tasks.lookups import StoredCovariance, SurveyedPoint, accepted, inspected, measure
 
 GRID = MapGrid(west=400000.0, north=4000100.0, cell=1.0, rows=100, cols=100)
 
