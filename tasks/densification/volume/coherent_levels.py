@@ -6,7 +6,7 @@ step marks where one ends and the next begins; where it does not, the surface of
 level shows is closed from its surroundings, and from the tie points where nothing around is known either.
 
 What such a height is worth: surfaces from disjoint halves of the photographs differ by 1.15 steps of that level, on three levels
-alike. What no level shows is as uncertain as the heights of the coarsest one scatter around it, and no less than a crown is deep.
+alike. What no level shows is as uncertain as the heights of the coarsest one around lie from it, and no less than a crown is deep.
 
 Source: of the composition, Burt and Adelson 1983 (a multiresolution spline); of the closing, Gortler et al. 1996.
 """
@@ -83,18 +83,21 @@ def shown_heights(
     """
     inner = [made.within(read).slices for made, read in zip(windows.made, windows.read, strict=False)]
     layers = [_layer(height, share, level) for level, (height, share) in enumerate(zip(heights, coherence, strict=True))]
-    layers[-1][4] = (1 - layers[-1][0]) * _scatter(heights[-1])
+    layers[-1][4:] = (1 - layers[-1][0]) * _around(heights[-1])
     layers = [layer[:, rows, cols] for layer, (rows, cols) in zip(layers, inner, strict=True)]
     whole = _closed(layers[-1], windows.made[len(layers) - 1 :])
     for level in range(len(layers) - 2, -1, -1):
         whole = _over(layers[level], whole, windows.made[level], windows.made[level + 1])
     # A volume of one level closes its gaps over more than the window.
     own = windows.window.within(windows.made[0]).slices
-    share, weight, height, level, scatter = whole[(slice(None), *own)]
+    share, weight, height, level, mean, square = whole[(slice(None), *own)]
     rest = 1 - share
     height = (height + _TIES * rest * terrain) / (weight + _TIES * rest)
     shown = share >= SHOWN
-    unshown = np.log2(np.maximum(scatter / np.maximum(rest, 1e-12), _DEEP) / (_STEPS * step))
+    # How far the heights around lie from what is said here: they scatter, and the tie points may know of no crown at all.
+    mean, square = (values / np.maximum(rest, 1e-12) for values in (mean, square))
+    away = np.sqrt(np.maximum(square + height * (height - 2 * mean), 0))
+    unshown = np.log2(np.maximum(away, _DEEP) / (_STEPS * step))
     level = np.where(shown, level / np.maximum(weight, 1e-12), np.maximum(unshown, 0))
     return ShownHeights(height.astype(np.float32), level.astype(np.float32), shown)
 
@@ -105,21 +108,20 @@ def standard_errors(level: np.ndarray, step: float) -> np.ndarray:
 
 
 def _layer(height: np.ndarray, coherence: np.ndarray, level: int) -> np.ndarray:
-    """(5, rows, cols) float64 of a level: share of the height that it shows, weight, weight times height and times level, and no
-    scatter."""
+    """(6, rows, cols) float64 of a level: share of the height that it shows, weight, weight times height and times level, and
+    nothing of the heights around."""
     weight = np.clip((coherence.astype(np.float64) - _NONE_YET) / (_WHOLLY - _NONE_YET), 0, 1) * np.isfinite(height)
     around = _smoothed(np.stack([weight, weight * np.nan_to_num(height)]))
     smooth = around[1] / np.maximum(around[0], 1e-12)
-    return np.stack([weight, weight, weight * smooth, weight * level, np.zeros_like(weight)])
+    return np.stack([weight, weight, weight * smooth, weight * level, np.zeros_like(weight), np.zeros_like(weight)])
 
 
-def _scatter(height: np.ndarray) -> np.ndarray:
-    """Standard deviation (rows, cols) of the heights around, m; 0 where there are none."""
+def _around(height: np.ndarray) -> np.ndarray:
+    """Mean, and mean square (2, rows, cols) of the heights around, m and m^2; 0 where there are none."""
     known = np.isfinite(height)
     value = np.where(known, height, 0).astype(np.float64)
-    count, total, squares = (_sums(values) for values in (known.astype(np.float64), value, value**2))
-    count = np.maximum(count, 1)
-    return np.sqrt(np.maximum(squares / count - (total / count) ** 2, 0))
+    count = np.maximum(_sums(known.astype(np.float64)), 1)
+    return np.stack([_sums(value) / count, _sums(value**2) / count])
 
 
 def _sums(values: np.ndarray) -> np.ndarray:
@@ -158,8 +160,8 @@ def _closed(layer: np.ndarray, windows: Sequence[Window]) -> np.ndarray:
         return layer
     coarser = _closed(_halved(layer, windows[1]), windows[1:])
     beyond = _finer(coarser, windows[0], windows[1])
-    # A gap that is closed is shown by nothing, and scatters as before.
-    beyond[0], beyond[4] = 0, 0
+    # A gap that is closed is shown by nothing, and what lies around is what it was.
+    beyond[0], beyond[4:] = 0, 0
     return layer + (1 - layer[1]) * beyond
 
 

@@ -139,10 +139,16 @@ def test_chance_on_water_gives_way_to_the_tie_points_and_says_how_it_scatters():
     assert stated[20:-20, 20:-20] == pytest.approx(100 / np.sqrt(12), rel=0.25)
 
 
+def test_tie_points_far_below_a_crown_say_how_far_it_is_from_them():
+    levels = [(np.full(shape, 14.0, np.float32), quality(0.2, shape=shape)) for shape in SHAPES[1:]]
+    found = judge(level(300.0), quality(0.2), terrain=4.0, coarser=levels)
+    assert found.height == pytest.approx(4)
+    assert standard_errors(found.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP) == pytest.approx(10.0, rel=0.03)
+
+
 def test_what_no_level_shows_is_never_better_than_a_crown_is_deep():
-    still = judge(
-        level(), quality(0.2), coarser=[(np.full(shape, 50, np.float32), quality(0.2, shape=shape)) for shape in SHAPES[1:]]
-    )
+    levels = [(np.full(shape, 50.0, np.float32), quality(0.2, shape=shape)) for shape in SHAPES[1:]]
+    still = judge(level(), quality(0.2), terrain=50.0, coarser=levels)
     assert standard_errors(still.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP) == pytest.approx(2.0, rel=0.03)
 
 
