@@ -28,15 +28,16 @@ DIFFERENCE = "evaluation/dh_before_check"
 def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Places (N, 2) m where heights can be tested, their errors (N,) m and what the surface promises (N,) m."""
     store, grid, rng = Store(Path(run)), RunSurface(Path(run)).grid, np.random.default_rng(1)
+    whole = [store.read(name, store.spec(name).full) for name in (HEIGHT, PRECISION, PROVENANCE, DIFFERENCE)]
     places, errors, promised = [], [], []
     for _ in range(PLACES):
         row, col = rng.integers(8, grid.rows - 8), rng.integers(8, grid.cols - 8)
         # Just beside a cell's centre, where the truth of that cell holds.
         x, y = grid.west + (col + 0.501) * grid.cell, grid.north - (row + 0.501) * grid.cell
         window = cells_around(grid, x, y).clipped(grid.shape)
-        parts = (store.read(name, window) for name in (HEIGHT, PRECISION, PROVENANCE))
+        parts = (raster[window.slices] for raster in whole[:3])
         found = height_at(CellsAround(grid, window, *parts), x, y, 0.1)
-        error = float(store.read(DIFFERENCE, window)[row - window.row, col - window.col])
+        error = float(whole[3][row, col])
         if found.tested and math.isfinite(error):
             places.append((x, y))
             errors.append(error)

@@ -49,6 +49,8 @@ class AccuracyFigure(_Stated):
     at_90: float
     """90 % of the differences are no larger: LE90 or CE90, counted and not computed from the RMSE"""
     at_95: float
+    measuring: float | None = None
+    """m: standard error of the places in the orthoimage themselves (marks, matching), which `fit` contains; None in height"""
     promised: float | None
     """root mean square of differences in units of their promised standard errors; None where nothing is promised"""
     class_cm: int

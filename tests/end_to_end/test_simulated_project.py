@@ -31,6 +31,7 @@ STAGES = (
     "densification",
     "dsm_check",
     "texture",
+    "accuracy",
     "evaluation",
 )
 PARALLAX_HEIGHT = 1.17
@@ -79,7 +80,7 @@ def test_a_changed_texture_setting_runs_only_what_depends_on_it(copy):
     path.write_text(path.read_text().replace("- kind: texture", "- kind: texture\n    rejection: {kind: none}"))
     command("run", PROJECT, "--sequential")
     figures = copy.summary()
-    assert {kind for kind in STAGES if figures[f"run.{kind}.jobs_done"]} == {"texture", "evaluation"}
+    assert {kind for kind in STAGES if figures[f"run.{kind}.jobs_done"]} == {"texture", "accuracy", "evaluation"}
     assert figures["run.evaluation.jobs_skipped"] > 10, "the heights do not depend on it and need no new evaluation"
 
 

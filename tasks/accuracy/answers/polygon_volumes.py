@@ -5,6 +5,7 @@ both out of nothing: that part is told beside them, not subtracted.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,9 +69,12 @@ def volume_of(
         known &= np.isfinite(base)
     area = np.where(known, share, 0.0) * cell**2
     heights = np.where(known, part.height, 0.0).astype(np.float64)
-    level, back = _border_plane(heights, known, area) if base is None else (np.broadcast_to(np.asarray(base), known.shape), 0.0)
-    above = np.where(known, heights - level, 0.0)
-    weights, total = area - back, float(area.sum())
+    if base is None:
+        back, project = _border_plane(area)
+        weights, level = area - back, project(heights)
+    else:
+        weights, level = area, np.broadcast_to(np.asarray(base), known.shape)
+    above, total = np.where(known, heights - level, 0.0), float(area.sum())
     spread = np.where(known, np.hypot(np.nan_to_num(part.relative), np.nan_to_num(part.datum)), 0.0)
     cut, fill = (float((area * np.maximum(side * above, 0.0)).sum()) for side in (1.0, -1.0))
     signs = [np.where(known & (side * above > 0), side * area, 0.0) for side in (1.0, -1.0)]
@@ -88,19 +92,24 @@ def volume_of(
     )
 
 
-def _border_plane(heights: np.ndarray, known: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The plane (rows, cols) through the cells near the border, and what the volume under it takes back from each cell's weight."""
+def volume_weights(share: np.ndarray, cell: float, border: bool) -> np.ndarray:
+    """The weight m2 of each cell (rows, cols) in a volume, above a level or above the plane through the border of the polygon."""
+    area = share * cell**2
+    return area - _border_plane(area)[0] if border else area
+
+
+def _border_plane(area: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """What the volume under the plane through the cells near the border takes back from each cell's weight (rows, cols) m2, and the
+    plane (rows, cols) itself for heights (rows, cols)."""
     from scipy.ndimage import distance_transform_edt
 
-    deep = distance_transform_edt(np.pad(area > 0, 1))[1:-1, 1:-1]
-    border = known & (deep <= BORDER)
-    rows, cols = np.indices(heights.shape, dtype=np.float64)
+    border = (area > 0) & (distance_transform_edt(np.pad(area > 0, 1))[1:-1, 1:-1] <= BORDER)
+    rows, cols = np.indices(area.shape, dtype=np.float64)
     design = np.stack([np.ones_like(rows), rows - rows.mean(), cols - cols.mean()], axis=-1)
     inverse = np.linalg.pinv(design[border].T @ design[border])
-    plane = design @ (inverse @ (design[border].T @ heights[border]))
-    back = np.zeros_like(heights)
+    back = np.zeros_like(area)
     back[border] = design[border] @ (inverse @ np.einsum("ij,ijk->k", area, design))
-    return plane, back
+    return back, lambda heights: design @ (inverse @ (design[border].T @ heights[border]))
 
 
 def _of_noise(area: np.ndarray, above: np.ndarray, spread: np.ndarray) -> float:

@@ -70,7 +70,8 @@ def _verdict(statement: AccuracyStatement) -> Verdict:
 
 
 def _short(figure: AccuracyFigure) -> str:
-    return f"{_length(figure.rmse)} {_WORDS[figure.kind]} at {_points(figure.points)}"
+    marks = f", of which the marks may be {_length(figure.measuring)}" if (figure.measuring or 0) > 0.3 * figure.fit else ""
+    return f"{_length(figure.rmse)} {_WORDS[figure.kind]} at {_points(figure.points)}{marks}"
 
 
 def _answers(statement: AccuracyStatement) -> Iterator[Answer]:
@@ -103,6 +104,7 @@ def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
             ("rmse_high", figure.high and round(figure.high, 4), "m", "Upper end: so few points prove no more."),
             ("fit", round(figure.fit, 4), "m", "Root mean square of the differences alone."),
             ("survey", round(figure.survey, 4), "m", "Root mean square of the survey's stated errors."),
+            ("measuring", figure.measuring and round(figure.measuring, 4), "m", "Of these, what measuring the places may be."),
             ("mean", round(figure.mean, 4), "m", "Mean difference: what all share."),
             ("nmad", figure.robust and round(figure.robust, 4), "m", "Robust spread of the differences."),
             ("at_90", round(figure.at_90, 4), "m", "90 % of the differences are no larger (LE90, CE90, counted)."),

@@ -32,7 +32,9 @@ def _horizontal(tests: PointTests) -> AccuracyFigure | None:
     predicted = [p.place_predicted for p in points]
     promised = np.array(predicted) if predicted and all(p is not None for p in predicted) else None
     difference, survey = np.array([p.place_difference for p in points]), np.array([p.sigma[:2] for p in points])
-    return accuracy_of("horizontal", difference, survey, promised, tests.area_km2)
+    found = accuracy_of("horizontal", difference, survey, promised, tests.area_km2)
+    places = np.array([p.place.sigma for p in points if p.place])
+    return found and found.model_copy(update={"measuring": float(np.sqrt((places**2).sum(axis=1).mean()))})
 
 
 def _vertical(tests: PointTests, vegetated: bool) -> AccuracyFigure | None:
