@@ -82,7 +82,7 @@ def sampled(town: Town, area: float, only_measured: bool, border: bool, correlat
         inside = share > 0
         if not inside.any() or not np.isfinite(wrong[inside]).all() or (only_measured and not cut.measured[inside].all()):
             continue
-        weights = volume_weights(share, grid.cell, border)
+        weights = volume_weights(share * grid.cell**2, border)
         error = error_of(weights, SurfacePart(cut.height, cut.relative, cut.datum, cut.measured), correlation)
         volume = float((weights * np.where(inside, wrong, 0.0)).sum())
         found.append(Found(volume / float(share.sum() * grid.cell**2), abs(volume) / error.sigma))

@@ -69,11 +69,8 @@ def volume_of(
         known &= np.isfinite(base)
     area = np.where(known, share, 0.0) * cell**2
     heights = np.where(known, part.height, 0.0).astype(np.float64)
-    if base is None:
-        back, project = _border_plane(area)
-        weights, level = area - back, project(heights)
-    else:
-        weights, level = area, np.broadcast_to(np.asarray(base), known.shape)
+    weights = volume_weights(area, border=base is None)
+    level = _border_plane(area)[1](heights) if base is None else np.broadcast_to(np.asarray(base), known.shape)
     above, total = np.where(known, heights - level, 0.0), float(area.sum())
     spread = np.where(known, np.hypot(np.nan_to_num(part.relative), np.nan_to_num(part.datum)), 0.0)
     cut, fill = (float((area * np.maximum(side * above, 0.0)).sum()) for side in (1.0, -1.0))
@@ -92,9 +89,9 @@ def volume_of(
     )
 
 
-def volume_weights(share: np.ndarray, cell: float, border: bool) -> np.ndarray:
-    """The weight m2 of each cell (rows, cols) in a volume, above a level or above the plane through the border of the polygon."""
-    area = share * cell**2
+def volume_weights(area: np.ndarray, border: bool) -> np.ndarray:
+    """The weight m2 of each cell in a volume, from its area inside (rows, cols) m2: above a level, or above the plane through the
+    border of the polygon."""
     return area - _border_plane(area)[0] if border else area
 
 

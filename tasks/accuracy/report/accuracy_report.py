@@ -70,7 +70,8 @@ def _verdict(statement: AccuracyStatement) -> Verdict:
 
 
 def _short(figure: AccuracyFigure) -> str:
-    marks = f", of which the marks may be {_length(figure.measuring)}" if (figure.measuring or 0) > 0.3 * figure.fit else ""
+    own = figure.measuring or 0.0
+    marks = f", of which the marks may be {_length(own)}" if own > 0.3 * figure.fit else ""
     return f"{_length(figure.rmse)} {_WORDS[figure.kind]} at {_points(figure.points)}{marks}"
 
 

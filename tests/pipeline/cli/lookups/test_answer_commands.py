@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from village_pair import block_of, normal_case
 
+from orthomill.finished_project import FinishedProject
 from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
 from orthomill.pipeline.cli.lookups.delivery import (
     Delivered,
@@ -123,3 +124,8 @@ def test_points_of_an_inspector_that_cannot_be_read(tmp_path):
     (tmp_path / "p.csv").write_text("name,x,y\nA,1,2\n")
     with pytest.raises(WorkflowError, match="columns name, x, y, z"):
         facts_of_files(Delivered(None, None, tmp_path / "p.csv"), inspected, SurveyedPoint)
+
+
+def test_a_notebook_measures_as_the_command_does(run, square):
+    found = FinishedProject(run).measure(square, base="3.5", corner=0.1)
+    assert volume(found) == volume(measured_answers(run, square, options(), measure))
