@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, measured_answers
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.surface_answers import MeasuredAnswers
 from orthomill.schemas.camera import CAMERAS, Camera
@@ -18,7 +17,6 @@ from orthomill.schemas.job import Table
 from orthomill.schemas.observations import GROUND_POINTS, IMAGE_RESIDUALS, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos
-from orthomill.tasks.accuracy.answers.measuring import measure
 
 T = TypeVar("T")
 
@@ -81,8 +79,12 @@ class FinishedProject:
 
     def measure(self, features: str | Path, base: str = "border", corner: float | None = None) -> MeasuredAnswers:
         """Heights, lines, areas and volumes of the features of a file (GeoPackage, GeoJSON, CSV), each with its standard error, as
-        `orthomill measure` gives them. base: border, a level in m, a file or the folder of a run; corner: standard error of a corner,
-        m. Raises StoreError, WorkflowError and GeometryError."""
+        `orthomill measure` gives them. base: border, a level in m, a file or the folder of a run; corner: standard error of a
+        corner, m. Raises StoreError, WorkflowError and GeometryError."""
+        # A notebook that only looks at figures loads no methods.
+        from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, measured_answers
+        from orthomill.tasks.lookups import measure
+
         return measured_answers(self.folder, Path(features), MeasureOptions(base, False, corner, None, None), measure)
 
     @property
