@@ -19,7 +19,7 @@ from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_ar
 from orthomill.tasks.accuracy.statement.named_errors import named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 
-PLACES, DRAWS, POINTS = 3000, 2000, 20
+PLACES, DRAWS, POINTS = 3000, 1000, 20
 SURVEY = 0.02
 """m"""
 DIFFERENCE = "evaluation/dh_before_check"
