@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from orthomill.pipeline.report.first_page import FirstPage
 
 products = typer.Typer()
+AS = "geotiff, cog, png, jpeg, hillshade, slope, xyz, mbtiles, pmtiles, cameras or kml."
 
 
 @products.command()
@@ -41,9 +42,18 @@ def export(
     name: Name,
     raster: RasterName = None,
     path: Annotated[str | None, typer.Argument(help="File in the run's folder; default products/<raster>.tif.")] = None,
+    kind: Annotated[str | None, typer.Option("--as", help=AS)] = None,
+    product: Annotated[str | None, typer.Option("--of", help="Product that is exported, e.g. ortho, dsm, terrain.")] = None,
+    crs: Annotated[str | None, typer.Option(help="Reference system of the file, e.g. EPSG:3857.")] = None,
+    area: Annotated[
+        tuple[float, float, float, float] | None, typer.Option(help="West, south, east and north in that system.")
+    ] = None,
+    cell: Annotated[float | None, typer.Option(help="Cell of the file, in units of that system.", min=0)] = None,
     debug: Debug = False,
 ) -> None:
-    """Write products again, or any raster of the store as a GeoTIFF."""
+    """Write products again, any raster of the store as a GeoTIFF, or a product in another format, system, area or cell."""
+    if kind is not None:
+        return _export_as(name, kind, product, (crs, area, cell), raster or path, debug)
     from orthomill.pipeline.cli.export_choice import chosen_exports
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.engine.running import session_of
@@ -57,6 +67,16 @@ def export(
             for job in chosen:
                 export_file(job, session.store, session.folder)
                 out.print(str(session.folder / job.path), soft_wrap=True)
+
+
+def _export_as(name: str, kind: str, product: str | None, warping: tuple, path: str | None, debug: bool) -> None:
+    from orthomill.pipeline.cli.export_kinds import Asked, export_as
+    from orthomill.pipeline.cli.projects import load_project
+    from orthomill.pipeline.export.conversions.warped_product import Wanted
+
+    with plain_errors(debug):
+        made = export_as(Asked(kind, product, Wanted(*warping), path), load_project(name).run_folder)
+        out.print(str(made), soft_wrap=True)
 
 
 @products.command()

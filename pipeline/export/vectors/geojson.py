@@ -19,7 +19,7 @@ _DEGREES, _METRES = 8, 3
 def write_geojson(target: TextIO, layers: Iterable[Layer], crs: str | None) -> None:
     """All features in one collection; a feature has the name of its layer as an attribute where there are several layers."""
     many = len(layers := tuple(layers)) > 1
-    change = _to_degrees(crs)
+    change = to_degrees(crs)
     target.write('{"type": "FeatureCollection", "features": [')
     first = True
     for layer in layers:
@@ -31,7 +31,7 @@ def write_geojson(target: TextIO, layers: Iterable[Layer], crs: str | None) -> N
     target.write("\n]}\n")
 
 
-def _to_degrees(crs: str | None) -> Transformer | None:
+def to_degrees(crs: str | None) -> Transformer | None:
     system = CRS.from_user_input(crs) if crs is not None else None
     if system is None or not (system.is_projected or system.is_geographic or system.is_compound):
         return None
