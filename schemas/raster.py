@@ -29,6 +29,11 @@ class Window:
         return self.height, self.width
 
     @property
+    def cells(self) -> int:
+        """How many: what memory is counted by, `bytes per cell * cells`."""
+        return self.height * self.width
+
+    @property
     def slices(self) -> tuple[slice, slice]:
         return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
 
@@ -98,6 +103,11 @@ class MapGrid(BaseModel):
         return self.rows, self.cols
 
     @property
+    def cells(self) -> int:
+        """How many."""
+        return self.rows * self.cols
+
+    @property
     def transform(self) -> tuple[float, float, float, float, float, float]:
         """GDAL's corner convention, in rasterio's order (a, b, c, d, e, f)."""
         return self.cell, 0.0, self.west, 0.0, -self.cell, self.north
@@ -156,7 +166,7 @@ class RasterSpec(BaseModel):
 
     def bytes_of(self, window: Window) -> int:
         bands = self.shape[2] if len(self.shape) == 3 else 1
-        return window.height * window.width * bands * np.dtype(self.dtype).itemsize
+        return window.cells * bands * np.dtype(self.dtype).itemsize
 
 
 def map_raster(

@@ -155,12 +155,12 @@ class Graph:
             return self.specs[region.name].bytes_of(region.window)
         if isinstance(region, PhotoPixels):
             # Photographs are counted as 8-bit RGB; a job that reads 16 bits or widens the values says so in `scratch`.
-            return 3 * region.window.height * region.window.width
+            return 3 * region.window.cells
         if isinstance(region, MapFile):
-            return 4 * region.bands * region.window.height * region.window.width
+            return 4 * region.bands * region.window.cells
         if isinstance(region, HeightFile):
             # A point cloud holds some points for every cell while they are sorted.
-            return 64 * region.window.height * region.window.width
+            return 64 * region.window.cells
         if isinstance(region, MeshFile):
             # The text or the arrays of the file, and the arrays made from them.
             file = self.root / region.path

@@ -127,4 +127,4 @@ def points_bytes(window: Window, photos: int, thinning: PointThinning) -> int:
     """Memory of a collector and of its table, bytes."""
     # Standard error, place and pair of every kept node, twice while the table is made; bits of photographs, codes and counts.
     per_cell = 2 * thinning.most_per_cell * (4 + 24 + 2 + 2) + 8 * -(-max(photos, 1) // _WORD) + 4
-    return window.height * window.width * per_cell
+    return window.cells * per_cell

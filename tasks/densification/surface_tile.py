@@ -122,8 +122,8 @@ def surface_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
     """Working memory of `make_surface`, bytes."""
     # The pairs come one by one. Per node x, y, z, column and row in float64, sigma and parallax in float32 with their copies; per
     # cell the slots (float64 and float32), one pair's heights, and some twenty float64 arrays of filters and standard errors.
-    largest = max((60 * piece.nodes.height * piece.nodes.width for piece in pieces), default=0)
-    return largest + (12 * SLOTS + 200) * work.height * work.width
+    largest = max((60 * piece.nodes.cells for piece in pieces), default=0)
+    return largest + (12 * SLOTS + 200) * work.cells
 
 
 def make_surface(

@@ -83,9 +83,9 @@ def _around(grid: MapGrid, feature: DrawnFeature) -> Window:
     window = Window(top, left, math.ceil(row.max()) + 3 - top, math.ceil(col.max()) + 3 - left).clipped(grid.shape)
     if window.empty:
         raise GeometryError(f"{feature.name} lies outside of the surface; look at its coordinates and at their system.")
-    if window.height * window.width > MOST_CELLS:
+    if window.cells > MOST_CELLS:
         raise GeometryError(
-            f"{feature.name} spans {window.height * window.width / 1e6:.0f} million cells, and {MOST_CELLS / 1e6:.0f} million is "
+            f"{feature.name} spans {window.cells / 1e6:.0f} million cells, and {MOST_CELLS / 1e6:.0f} million is "
             "the most at a time; cut it into parts."
         )
     return window

@@ -43,7 +43,7 @@ class PointJobs:
         for number, point in enumerate(self.points):
             tables.append(point_table(number))
             yield self._test(number, point, tables[-1])
-        area = self.surface.rows * self.surface.cols * self.surface.cell**2 / 1e6 if self.surface else 0.0
+        area = self.surface.cells * self.surface.cell**2 / 1e6 if self.surface else 0.0
         yield Job(
             stage="accuracy",
             item="points",

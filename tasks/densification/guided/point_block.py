@@ -63,8 +63,8 @@ class GuidedBlock:
     def scratch(self, nodes_at_once: int) -> int:
         """Working memory, bytes."""
         # Both images with their norms and structure tensor in float64; twenty numbers of every point that is matched at once.
-        pixels = self.part.left.height * self.part.left.width + self.part.right.height * self.part.right.width
-        return 80 * pixels + 200 * nodes_at_once + 32 * self.posts.height * self.posts.width
+        pixels = self.part.left.cells + self.part.right.cells
+        return 80 * pixels + 200 * nodes_at_once + 32 * self.posts.cells
 
 
 class MatchedPoints(NamedTuple):

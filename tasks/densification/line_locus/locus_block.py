@@ -279,6 +279,6 @@ def lines_scratch(block: LocusBlock, settings: LineLocus, factor: int) -> int:
     """Working memory of `solve_lines`, bytes."""
     # Grey values of every photograph, its image on the plane and the row of all pixels; the search per node, the picture of
     # markers.
-    pixels = sum(part.window.height * part.window.width for part in block.photos)
-    cells = block.window.height * block.window.width
+    pixels = sum(part.window.cells for part in block.photos)
+    cells = block.window.cells
     return 20 * pixels + (64 + 12 * factor**2) * cells + 8 * settings.pixels + 16 * 256 * 48

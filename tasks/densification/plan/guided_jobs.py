@@ -112,7 +112,7 @@ class GuidedPlan:
             function = file_guide
             reads["guide"] = MapFile(guide.path, self.crs, self.posts, whole)
             params["path"] = guide.path
-        scratch = 100 * self.posts.rows * self.posts.cols
+        scratch = 100 * self.posts.cells
         return Job(
             stage=self.stage,
             item="guide 0",
@@ -154,7 +154,7 @@ class GuidedPlan:
             params={"block": block, "level": level, "settings": self.settings},
             row=tile.row,
             col=tile.col,
-            scratch=block.scratch(tile.window.height * tile.window.width // 16),
+            scratch=block.scratch(tile.window.cells // 16),
         )
 
     def _block(self, part: StrategyBlock, factor: int) -> GuidedBlock:
@@ -202,7 +202,7 @@ class GuidedPlan:
             row=tile.row,
             col=tile.col,
             # Pairs of neighbours: a circle holds a few tens of points of the densest level.
-            scratch=2000 * around.height * around.width,
+            scratch=2000 * around.cells,
         )
 
     def _pixels(self, pair: EpipolarPair) -> Iterator[RasterSpec | Job]:

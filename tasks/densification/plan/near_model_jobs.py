@@ -22,7 +22,7 @@ def model_plan(guide: GuideFile, surface: Surface, stage: str, crs: str) -> Iter
     yield map_raster(MODEL, grid, "float32", crs, CHUNK, nodata=float("nan"), unit="m", bands=4, axes=axes)
     reads: dict[str, Reading] = {"points": GROUND_POINTS, "block": BLOCK, "guide": MapFile(guide.path, crs, grid, whole)}
     params = {"grid": grid, "path": guide.path, "surface": surface}
-    scratch = 100 * grid.rows * grid.cols
+    scratch = 100 * grid.cells
     yield Job(
         stage=stage,
         item="model",

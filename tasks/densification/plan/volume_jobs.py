@@ -72,7 +72,7 @@ def guided_terrain_plan(
         )
         params.update(path=guide.path, reach=reach)
     # Tie points are predicted from one another on every size of squares, one after the other.
-    scratch = 120 * grid.rows * grid.cols
+    scratch = 120 * grid.cells
     yield Job(stage=stage, item="terrain", function=function, reads=reads, writes=writes, params=params, scratch=scratch)
 
 
@@ -136,5 +136,5 @@ def _judged(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) 
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities and their slices; of the levels, five float64 bands and their copies.
-            scratch=280 * judging.around.height * judging.around.width,
+            scratch=280 * judging.around.cells,
         )

@@ -83,8 +83,8 @@ class StrategyBlock:
     def scratch(self) -> int:
         """Working memory of `match_by_strategy`, bytes."""
         # Both images in float32 with their smoothing and gradients, halved levels, and the tables of all nodes of left window.
-        pixels = self.left.height * self.left.width
-        return 40 * (pixels + self.right.height * self.right.width) + 400 * (pixels // self.step**2 + 1)
+        pixels = self.left.cells
+        return 40 * (pixels + self.right.cells) + 400 * (pixels // self.step**2 + 1)
 
 
 def match_by_strategy(

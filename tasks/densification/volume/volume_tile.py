@@ -266,11 +266,11 @@ def _nothing(shape: tuple[int, int]) -> SolvedVolume:
 
 def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
     """Working memory of `solve_volume`, bytes."""
-    settings, cells = scene.settings, tile.work.height * tile.work.width
+    settings, cells = scene.settings, tile.work.cells
     candidates = cells * (settings.mean_heights if tile.coarser else tile.level.count)
     views = [block_view(scene.block, part.name) for part in tile.photos]
     heights = tile.level.heights
     pixels = [rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views]
     # Photographs are converted and rectified one after the other: grey values and their products, image, border and signatures.
-    greatest = max((part.window.height * part.window.width for part in tile.photos), default=0)
+    greatest = max((part.window.cells for part in tile.photos), default=0)
     return scratch_bytes(candidates, cells, sum(pixels), settings) + 12 * greatest + 24 * max(pixels, default=0)

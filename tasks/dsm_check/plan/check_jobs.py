@@ -114,7 +114,7 @@ def _one_pass(asked: DsmCheckStage, passes: Passes) -> Iterator[RasterSpec | Job
             params={"window": tile.window, "pairs": windows, "rule": rule, "shape": passes.surface.grid.shape},
             row=tile.row,
             col=tile.col,
-            scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
+            scratch=tile.window.width * 64 * 96 + tile.window.cells * 64,
         )
     yield report_job(asked, passes, {}, {})
 

@@ -82,7 +82,7 @@ def _start(passes: Passes, level: int) -> Plan:
         fine = Raster("dsm_check/input", given.scaled(side).clipped(passes.surface.grid.shape))
         out: dict[str, Raster | Table] = {"height": Raster(f"dsm_check/level-{level}/height", tile.window)}
         params = {"window": tile.window, "given": given, "level": level}
-        scratch = 40 * given.height * given.width * (side**2 + START_SIDE**2)
+        scratch = 40 * given.cells * (side**2 + START_SIDE**2)
         yield Job(
             stage=KIND,
             item=f"level-{level}-start",

@@ -134,5 +134,5 @@ def tile_job(
         params=params,
         row=tile.row,
         col=tile.col,
-        scratch=tile.window.width * 64 * 96 + tile.window.height * tile.window.width * 64,
+        scratch=tile.window.width * 64 * 96 + tile.window.cells * 64,
     )

@@ -147,7 +147,7 @@ class CheckRound:
             params={"tile": what},
             row=tile.row,
             col=tile.col,
-            scratch=seen.height * seen.width * 24,
+            scratch=seen.cells * 24,
         )
 
     def _level(self, photo: str) -> int:
@@ -197,7 +197,7 @@ class CheckRound:
             params={"tile": what, "matching": self.how.matching, "correction": self.how.correction},
             row=tile.row,
             col=tile.col,
-            scratch=seen.height * seen.width * (8 + 45 * factor**2),
+            scratch=seen.cells * (8 + 45 * factor**2),
         )
 
     def bends(self) -> Iterator[Job]:

@@ -93,5 +93,5 @@ def _tile(asked: EpipolarStage, pair: EpipolarPair, side: Side, block: Block, ph
         params={"tile": of_pair, "photo_window": window, "bicubic": asked.interpolation == "bicubic"},
         row=tile.row,
         col=tile.col,
-        scratch=window.height * window.width * 30,
+        scratch=window.cells * 30,
     )

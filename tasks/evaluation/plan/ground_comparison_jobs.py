@@ -32,7 +32,7 @@ def ground_jobs(grid: MapGrid, truth: MapGrid, tile: int) -> Iterator[Job]:
             params={"place": place, "core": t.window},
             row=t.row,
             col=t.col,
-            scratch=120 * place.window.height * place.window.width,
+            scratch=120 * place.window.cells,
         )
     yield Job(
         stage="evaluation",

@@ -31,4 +31,4 @@ def truth_reads(place: Placement, **names: str) -> Reads:
 
 def pixels_scratch(place: Placement, bytes_per_pixel: int) -> int:
     """Working memory on the pixels of the truth, bytes."""
-    return place.window.height * place.window.width * bytes_per_pixel
+    return place.window.cells * bytes_per_pixel

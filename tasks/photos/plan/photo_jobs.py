@@ -103,7 +103,7 @@ def _strip_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             params={"orientation": photo.exif_orientation},
             # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
             # progressive JPEG have 16 bits.
-            scratch=2 * window.height * window.width * photo.stored_bands,
+            scratch=2 * window.cells * photo.stored_bands,
             way_out=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
         )
 
@@ -123,7 +123,7 @@ def _scan_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source)},
             writes={"tile": Raster(spec.name, cell.window)},
             params={"photo": photo, "window": cell.window, "source": source},
-            scratch=(16 * source.height * source.width + 48 * tile * tile) * photo.stored_bands,
+            scratch=(16 * source.cells + 48 * tile * tile) * photo.stored_bands,
         )
 
 

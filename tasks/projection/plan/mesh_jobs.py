@@ -61,7 +61,7 @@ def _height_mesh(view: ProjectView, every: int) -> Job:
         reads={"heights": Raster(view.raster(heights).name, Window(0, 0, *grid.shape))},
         writes={**_MESH, "census": CENSUS},
         params={"grid": grid, "every": every},
-        scratch=700 * grid.rows * grid.cols // every**2,
+        scratch=700 * grid.cells // every**2,
         way_out="set a larger 'every' of the surface",
     )
 

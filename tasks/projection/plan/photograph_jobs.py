@@ -40,7 +40,7 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
             },
             params={"numbers": numbers, "name": name, "window": window},
             # Projected corners of a block, the fronts of all triangles, the marks of squares and blocks.
-            scratch=4 * 2**20 + basis.census.triangles + window.height * window.width // 16384 * len(basis.blocks.boxes),
+            scratch=4 * 2**20 + basis.census.triangles + window.cells // 16384 * len(basis.blocks.boxes),
         )
 
 

@@ -127,7 +127,7 @@ def _plan_visibility(asked: SimulationStage, site: Site, tile: int) -> Iterator[
             params={"site": site, "window": t.window, "wide": wide},
             row=t.row,
             col=t.col,
-            scratch=16 * wide.height * wide.width,
+            scratch=16 * wide.cells,
         )
 
 
@@ -151,7 +151,7 @@ def _plan_photos(asked: SimulationStage, site: Site, tile: int) -> Iterator[Rast
                 params=params,
                 row=t.row,
                 col=t.col,
-                scratch=52 * ground.height * ground.width + 28 * t.window.height * t.window.width,
+                scratch=52 * ground.cells + 28 * t.window.cells,
             )
         yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
 
@@ -172,7 +172,7 @@ def _plan_boards(asked: SimulationStage, site: Site, tile: int) -> Iterator[Rast
                 params={"flight": flight_of(asked), "photo": photo, "pixels": t.window},
                 row=t.row,
                 col=t.col,
-                scratch=12 * t.window.height * t.window.width,
+                scratch=12 * t.window.cells,
             )
         file = f"chessboards/board_{number + 1:02d}.tif"
         yield Export("simulation", f"board_{number + 1:02d}_file", file, "tiff", {"image": name})

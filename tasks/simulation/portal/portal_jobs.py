@@ -171,7 +171,7 @@ def _plan_front(site: PortalSite, tile: int) -> Iterator[RasterSpec | Job]:
     for t in tiles_of(shape, tile):
         regions = {key: Raster(name, t.window) for key, name in writes.items()}
         params = {"site": site, "window": t.window}
-        scratch = _SCENE_BYTES + 120 * t.window.height * t.window.width
+        scratch = _SCENE_BYTES + 120 * t.window.cells
         yield Job(
             stage="simulation",
             item="front",
@@ -192,7 +192,7 @@ def _plan_photograph(site: PortalSite, number: int, name: str, tile: int) -> Ite
     for t in tiles_of(shape, tile):
         writes = {"photo": Raster(portal_raster(name), t.window)}
         params = {"site": site, "number": number, "window": t.window}
-        scratch = _SCENE_BYTES + 40 * t.window.height * t.window.width
+        scratch = _SCENE_BYTES + 40 * t.window.cells
         yield Job(
             stage="simulation",
             item=name,

@@ -38,7 +38,7 @@ def contour_jobs(
         writes={"lines": TERRAIN_LINES},
         params={"cell": grid.cell, "every": asked.index_every},
         # Ten cells of ground for a vertex: contours are no closer than the relief allows.
-        scratch=_VERTEX * grid.rows * grid.cols // 10,
+        scratch=_VERTEX * grid.cells // 10,
     )
     for name, kind in _FORMATS.items():
         yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, (TERRAIN_LINES,))
@@ -59,7 +59,7 @@ def _pieces(grid: MapGrid, tile: Tile) -> Job:
         params={"grid": grid, "windows": (outer, core)},
         row=tile.row,
         col=tile.col,
-        scratch=80 * outer.height * outer.width,
+        scratch=80 * outer.cells,
     )
 
 

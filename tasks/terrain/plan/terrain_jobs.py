@@ -157,7 +157,7 @@ class TerrainJobs:
         reads = {key: Raster(name, tile.window) for key, name in names.items()}
         writes = {"blocks": Raster(BLOCKS, self._core(tile))}
         # Three float64 copies in blocks, and their masks.
-        scratch = 64 * tile.window.height * tile.window.width
+        scratch = 64 * tile.window.cells
         return self._job(tile, "blocks", blocks_of_tile, reads, writes, {"rules": self.rules}, scratch)
 
     def _ground(self, tile: Tile) -> Job:
@@ -165,7 +165,7 @@ class TerrainJobs:
         window = core.grown(self.rules.filter_halo).clipped(self.coarse.shape)
         reads = {"blocks": Raster(BLOCKS, window)}
         params = {"window": window, "core": core, "rules": self.rules}
-        scratch = 48 * window.height * window.width
+        scratch = 48 * window.cells
         return self._job(tile, "ground", ground_of_tile, reads, {"ground": Raster(GROUND, core)}, params, scratch)
 
     def _hidden(self, tile: Tile) -> Job:
@@ -175,7 +175,7 @@ class TerrainJobs:
         reads: dict[str, Reading] = {"blocks": Raster(BLOCKS, window), "ground": Raster(GROUND, window)}
         reads["moved"] = Raster(GROUND, moved if not moved.empty else Window(0, 0, 1, 1))
         params = {"window": window, "core": core, "rules": self.rules}
-        scratch = 40 * window.height * window.width
+        scratch = 40 * window.cells
         return self._job(tile, "hidden", hide_in_tile, reads, {"hidden": _hidden_table(tile)}, params, scratch)
 
     def _bridge(self, tile: Tile) -> Job:
@@ -184,7 +184,7 @@ class TerrainJobs:
         reads = {"blocks": Raster(BLOCKS, window), "ground": Raster(GROUND, window), "curve": CURVE}
         writes = {"bare": Raster(BARE, core), "open_side": Raster(OPEN_SIDE, core)}
         params = {"window": window, "core": core, "rules": self.rules}
-        return self._job(tile, "bridge", bridge_tile, reads, writes, params, 120 * window.height * window.width)
+        return self._job(tile, "bridge", bridge_tile, reads, writes, params, 120 * window.cells)
 
     def _cells(self, tile: Tile) -> Job:
         window = tile.window.grown(self.rules.roofs.halo).clipped(self.grid.shape)
@@ -194,18 +194,18 @@ class TerrainJobs:
         reads |= {key: Raster(name, blocks) for key, name in (("bare", BARE), ("open_side", OPEN_SIDE), ("ground", GROUND))}
         writes = {key: Raster(name, tile.window) for key, name in _CELL_RASTERS.items()}
         params = {"windows": (window, blocks), "core": tile.window, "rules": self.rules}
-        return self._job(tile, "cells", terrain_tile, reads, writes, params, 160 * window.height * window.width)
+        return self._job(tile, "cells", terrain_tile, reads, writes, params, 160 * window.cells)
 
     def _points(self, tile: Tile) -> Job:
         reads: dict[str, Reading] = {"points": points_table(tile.row, tile.col)}
         reads |= {key: Raster(_CELL_RASTERS[key], tile.window) for key in ("height", "precision", "cell_class")}
         writes = {"classes": point_classes_table(tile.row, tile.col)}
         params = {"grid": self.grid, "window": tile.window}
-        return self._job(tile, "points", classify_points, reads, writes, params, 120 * tile.window.height * tile.window.width)
+        return self._job(tile, "points", classify_points, reads, writes, params, 120 * tile.window.cells)
 
     def _sums(self, tile: Tile) -> Job:
         reads = {key: Raster(_CELL_RASTERS[key], tile.window) for key in ("height", "precision", "code", "cell_class", "above")}
-        scratch = 24 * tile.window.height * tile.window.width
+        scratch = 24 * tile.window.cells
         return self._job(tile, "sums", sums_of_tile, reads, {"sums": _sums_table(tile)}, {}, scratch)
 
     @property

@@ -28,7 +28,7 @@ def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[Ras
             row=tile.row,
             col=tile.col,
             # A known flag, its sum and the sum of heights in float64 per cell, for the first of the halvings.
-            scratch=16 * tile.window.height * tile.window.width,
+            scratch=16 * tile.window.cells,
         )
     whole = Window(0, 0, *grid.shape)
     yield Job(
@@ -37,7 +37,7 @@ def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[Ras
         function=filled,
         reads={"values": Raster(BLOCK_HEIGHTS, whole)},
         writes={"ground": Raster(GROUND, whole)},
-        scratch=40 * grid.rows * grid.cols,
+        scratch=40 * grid.cells,
     )
 
 
@@ -58,7 +58,7 @@ def relief_jobs(dsm: MapGrid, size: int, heights: str, draped: bool) -> Iterator
             params={"window": tile.window},
             row=tile.row,
             col=tile.col,
-            scratch=8 * tile.window.height * tile.window.width,
+            scratch=8 * tile.window.cells,
         )
     yield Job(
         stage="texture", item="whole-relief", function=whole_relief, reads={"parts": tuple(tables)}, writes={"relief": RELIEF}

@@ -150,7 +150,7 @@ class OrthoimageJobs:
         return [photo_source(view, self.photos[view.name], pixel, wanted) for view, pixel in known]
 
     def _samples(self, relief: ReliefMap, rules: TextureRules) -> Iterator[Job]:
-        spacing = self.settings.sample_spacing(self.ortho.rows * self.ortho.cols)
+        spacing = self.settings.sample_spacing(self.ortho.cells)
         coarse = self._sources(COARSER * self.ortho.cell)
         for tile in self.tiles:
             extent = tile_extent(relief, self.ortho, tile.window, coarse, rules.halo)
@@ -228,7 +228,7 @@ class OrthoimageJobs:
         places = [(tile.row, tile.col) for tile in tiles]
         tables = [points_table(*place) for place in places]
         classes = [point_classes_table(*place) for place in places] if classed else []
-        if dsm.rows * dsm.cols <= CELLS_OF_ONE_FILE:
+        if dsm.cells <= CELLS_OF_ONE_FILE:
             yield Export("texture", "points", "products/points.laz", "laz", {"rgb": ORTHO}, tuple(tables), tuple(classes))
         else:
             for k, (row, col) in enumerate(places):
@@ -242,14 +242,14 @@ class OrthoimageJobs:
 
 def _sample_scratch(extent: TileExtent) -> int:
     """Bytes for the bridged model and the ground of the tile."""
-    return 64 * extent.heights.height * extent.heights.width + 16 * extent.window.height * extent.window.width
+    return 64 * extent.heights.cells + 16 * extent.window.cells
 
 
 def _tile_scratch(extent: TileExtent) -> int:
     """Bytes for the bridged models, ground and weight factors of the tile, and the colours of one strip."""
     photos = len(extent.photos)
-    cells = extent.heights.height * extent.heights.width
-    pixels = extent.window.height * extent.window.width
+    cells = extent.heights.cells
+    pixels = extent.window.cells
     # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part, as they
     # are and as low as they may well be.
     return (32 + 52) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
@@ -258,5 +258,5 @@ def _tile_scratch(extent: TileExtent) -> int:
 def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:
     """Bytes for both surfaces, examples and scores of the pixels around the tile, and the colours of one strip at both heights."""
     wide = extent.window.grown(rules.around * extent.divisor)
-    photos, cells = len(extent.photos), wide.height * wide.width // extent.divisor**2
-    return 80 * cells + (90 + 3 * photos) * wide.height * wide.width + 32 * wide.width * photos * 40
+    photos, cells = len(extent.photos), wide.cells // extent.divisor**2
+    return 80 * cells + (90 + 3 * photos) * wide.cells + 32 * wide.width * photos * 40

@@ -53,7 +53,7 @@ def _part_job(asked: TiePointsStage, photo: Photo, level: int, cell: Tile, table
         writes={"features": tables[0], "descriptors": tables[1]},
         params={"detection": detection, **({"search": asked.search} if by_correlation else {})},
         # Bytes per pixel: OpenCV doubles the image and keeps all octaves of Gaussians and their differences as float32.
-        scratch=260 * detection.window.height * detection.window.width,
+        scratch=260 * detection.window.cells,
     )
 
 

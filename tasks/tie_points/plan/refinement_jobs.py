@@ -42,7 +42,7 @@ def patch_jobs(asked: TiePointsStage, photo: Photo, tile: int) -> Iterator[Job]:
             writes={"patches": patch_table(photo.name, number)},
             params={"strip": strip},
             # Patches, the grey values of the strip and, of some rows at a time, the numbers that these are made of.
-            scratch=(2 * strip.half + 1) ** 2 * asked.max_features + 3 * strip.window.height * strip.window.width,
+            scratch=(2 * strip.half + 1) ** 2 * asked.max_features + 3 * strip.window.cells,
         )
 
 
