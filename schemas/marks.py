@@ -115,3 +115,34 @@ class ExpectedSight:
     known: Literal["block", "matched", "tags"]
     gain: tuple[float, float]
     inside: float
+
+
+@dataclass(frozen=True)
+class MarkProposal:
+    """Where matching or a target finds a point in a photograph (col, row), px, its standard error, and the correlation with the
+    marks that there are, and that of the best other place; `refused`: why it should not be accepted, empty where nothing speaks
+    against it."""
+
+    photo: str
+    place: tuple[float, float]
+    sigma: float
+    correlation: float
+    rival: float
+    refused: str = ""
+    by: MarkSource = "matched"
+
+
+TargetKind = Literal["chequered", "cross", "circle", "coded"]
+
+
+@dataclass(frozen=True)
+class FoundTarget:
+    """A signalised target in a photograph: its kind, centre (col, row) px with standard error, half its width px, how surely it is
+    one (0 to 1), and the name of a coded one."""
+
+    kind: TargetKind
+    place: tuple[float, float]
+    sigma: float
+    radius: float
+    score: float
+    name: str = ""

@@ -7,9 +7,11 @@ from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
 from orthomill.tasks.flight_outlook import look_ahead
 from orthomill.tasks.inspections.image_points import points_on_surface
+from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
 from orthomill.tasks.marking.given_points import given_points, marks_of
 from orthomill.tasks.marking.marker import marker_of
+from orthomill.tasks.marking.targets.photo_targets import targets_in
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 
 __all__ = [
@@ -27,5 +29,7 @@ __all__ = [
     "share_of",
     "sizing_of",
     "statement_of",
+    "targets_in",
+    "targets_of_photograph",
     "window_size_map",
 ]

@@ -280,6 +280,7 @@ _ALL = (
         ("tasks/matching/line_locus", "tasks/densification/line_locus"),
     ),
     # marks in photographs
+    Study("drawn_targets", "marking.drawn_targets", "how exact the centres of targets are", "seconds", MARKING, words="[EACH]"),
     Study(
         "planted_marks",
         "marking.planted_marks",

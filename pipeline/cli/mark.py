@@ -3,8 +3,11 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
@@ -16,7 +19,7 @@ from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
 from orthomill.schemas.job import Table
-from orthomill.schemas.marks import Marks
+from orthomill.schemas.marks import FoundTarget, Marks
 from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photos
@@ -58,6 +61,26 @@ def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | Non
             ledger.replace(with_points(ledger.marks, marking.given_points(photos, *_read(points, crs), loaded.project.crs)))
         known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
         yield MarkingSession(name, ledger, PhotographCrops(store, photos), known)
+
+
+def marked_automatically(session: MarkingSession, targets_in: Callable[[np.ndarray], tuple[FoundTarget, ...]]) -> Iterator[str]:
+    """Mark what needs nobody; says of each point in how many photographs, what is wrong, and where the files are."""
+
+    @cache
+    def targets_of(photo: str) -> tuple[FoundTarget, ...]:
+        return targets_in(session.crops.pixels(photo))
+
+    before = {(point.name, photo) for point in session.ledger.marks.points for photo in point.marks}
+    marks = session.mark_automatically(targets_of)
+    for point in marks.points:
+        new = [mark for photo, mark in point.marks.items() if (point.name, photo) not in before]
+        by = {kind: sum(mark.by == kind for mark in new) for kind in ("target", "matched")}
+        how = ", ".join(f"{count} {kind}" for kind, count in by.items() if count) or "nothing new"
+        yield f"{point.name} ({point.role}): {len(point.marks)} marks ({how})"
+    state = session.state()
+    for one in state["judgement"].get("wrong", ()):
+        yield f"wrong: {one['sentence']}"
+    yield f"Kept in {session.ledger.folder}; look at them with: orthomill mark {session.project}"
 
 
 @contextmanager

@@ -150,15 +150,10 @@ def _places(table: NumberedMarks, solution: MarkSolution, belief: Belief) -> Ite
 
 def sights(belief: Belief, marks: Marks, name: str, sigma: float = 0.5) -> tuple[ExpectedSight, ...]:
     """The photographs without a mark of this point that should show it, those first whose mark would gain most."""
-    points = tuple(point for point in marks.points if (point.marks and point.role != "unused") or point.name == name)
-    at = next(i for i, point in enumerate(points) if point.name == name)
-    points = (*points[:at], points[at].model_copy(update={"role": _seen_as(points[at])}), *points[at + 1 :])
-    table = numbered(belief, points)
-    if not np.isfinite(table.marked.known[at]).all() and not (table.marked.rays.point == at).any():
+    placed = _solved_for(belief, marks, name)
+    if placed is None:
         return ()
-    found = examined(belief, table.marked).solution if len(table.marked.rays) else solved(belief, table.marked)
-    if not np.isfinite(found.start[at]).all():
-        return ()
+    points, at, found = placed
     own = points[at].marks
     photos = np.array([i for i, photo in enumerate(belief.names) if photo not in own], np.int64)
     seen = found.predicted(at, photos, sigma)
@@ -175,6 +170,24 @@ def sights(belief: Belief, marks: Marks, name: str, sigma: float = 0.5) -> tuple
             after = float(np.sqrt(max(np.trace(seen.with_mark[n]), 0.0)))
             out.append(ExpectedSight(belief.names[photo], (float(col), float(row)), flipped, known, (before, after), float(inside)))
     return tuple(sorted(out, key=lambda sight: sight.gain[1]))
+
+
+def _solved_for(belief: Belief, marks: Marks, name: str) -> tuple[tuple[MarkedPoint, ...], int, MarkSolution] | None:
+    """The points that take part in a prediction of one, its number among them, and the solution; None where nothing places it."""
+    points = tuple(point for point in marks.points if (point.marks and point.role != "unused") or point.name == name)
+    at = next(i for i, point in enumerate(points) if point.name == name)
+    points = (*points[:at], points[at].model_copy(update={"role": _seen_as(points[at])}), *points[at + 1 :])
+    table = numbered(belief, points)
+    if not np.isfinite(table.marked.known[at]).all() and not (table.marked.rays.point == at).any():
+        return None
+    found = examined(belief, table.marked).solution if len(table.marked.rays) else solved(belief, table.marked)
+    return (points, at, found) if np.isfinite(found.start[at]).all() else None
+
+
+def point_place(belief: Belief, marks: Marks, name: str) -> np.ndarray | None:
+    """(3,) m in the project's system: a point by its marks and coordinates; None where nothing places it."""
+    placed = _solved_for(belief, marks, name)
+    return None if placed is None else placed[2].places[placed[1]] + belief.offset
 
 
 def _seen_as(point: MarkedPoint) -> str:

@@ -6,13 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from orthomill.schemas.camera import Cameras
-from orthomill.schemas.marks import ExpectedSight, MarkJudgement, Marks
+from orthomill.schemas.marks import ExpectedSight, MarkJudgement, MarkProposal, Marks
 from orthomill.schemas.observations import GroundPoints, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
+from orthomill.tasks.marking.automatic_marks import automatic_marks
 from orthomill.tasks.marking.belief import Belief, block_belief, stored_belief, tag_belief
-from orthomill.tasks.marking.judging import judged, sights
+from orthomill.tasks.marking.expected_targets import TargetsOf, local_targets, target_proposals
+from orthomill.tasks.marking.judging import judged, point_place, sights
 from orthomill.tasks.marking.matched_places import SharedFeatures, shared_features, transferred
+from orthomill.tasks.marking.proposals import ReadGrey, proposals
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +51,25 @@ class Marker:
         if not self.oriented:
             found |= self._matched(marks, point, found)
         return tuple(sorted(found.values(), key=lambda sight: (sight.known != "matched", sight.gain[1])))
+
+    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> tuple[MarkProposal, ...]:
+        """The marks of a point carried to the photographs that should show it; `read`: grey values of a window of a photograph."""
+        point = next(one for one in marks.points if one.name == name)
+        expected = tuple(sight for sight in self.sights(marks, name) if sight.photo in self.belief.number)
+        place = point_place(self.belief, marks, name)
+        if place is None:
+            return ()
+        found = {one.photo: one for one in proposals(self.belief, point, expected, place, read)} if point.marks else {}
+        # A target has a centre of its own; where none is found, or several, patches decide.
+        for one in target_proposals(point, expected, lambda sight: local_targets(read, sight)):
+            if not one.refused or one.photo not in found:
+                found[one.photo] = one
+        return tuple(found.values())
+
+    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
+        """The marks with those that need nobody: coded targets by their names, targets and matches where points are expected, and
+        targets that nobody listed as tie points. `targets_of`: all targets of a photograph."""
+        return automatic_marks(self, self.belief, marks, read, targets_of)
 
     @cached_property
     def _features(self) -> SharedFeatures | None:

@@ -78,6 +78,21 @@ def figures(
         path.write_text(summary_markdown(dict(ChainMap(*(json.loads(file.read_text()) for file in files)))))
 
 
+@inspect.command("targets")
+def inspect_targets(
+    photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],
+    least: Annotated[float, typer.Option("--least", help="Lowest score of uncoded targets.", min=0.0, max=1.0)] = 0.5,
+    debug: Debug = False,
+) -> None:
+    """Find signalised targets: AprilTag, ArUco, chequered plates, crosses, circles; centres with standard errors, as CSV."""
+    from orthomill.pipeline.cli.lookups.inspect_photo import target_lines
+    from orthomill.tasks.lookups import targets_of_photograph
+
+    with plain_errors(debug):
+        for line in target_lines(photo, targets_of_photograph, least):
+            typer.echo(line)
+
+
 @inspect.command("window-size")
 def inspect_window_size(
     photo: Annotated[Path, typer.Argument(help="A photograph: JPEG, TIFF or PNG.")],

@@ -17,7 +17,8 @@ from orthomill.pipeline.report.grey_png import write_grey_png
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.errors import PhotoError, StoreError
-from orthomill.schemas.inspection import PhotoMap
+from orthomill.schemas.inspection import PhotoFile, PhotoMap
+from orthomill.schemas.marks import FoundTarget
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import Window
 
@@ -39,6 +40,16 @@ class GuardedPhoto:
 
     def read(self, window: Window) -> np.ndarray:
         return read_pixels(self.path, window)
+
+
+def target_lines(path: Path, targets_of: Callable[[PhotoFile], tuple[FoundTarget, ...]], least: float) -> Iterator[str]:
+    """The targets of a photograph, upright as it is displayed, as lines of CSV; uncoded ones with a score of `least` or more.
+    Raises PhotoError."""
+    yield "name,kind,col,row,sigma,radius,score"
+    for one in targets_of(GuardedPhoto(path)):
+        if one.name or one.score >= least:
+            col, row = one.place
+            yield f"{one.name},{one.kind},{col:.3f},{row:.3f},{one.sigma:.3f},{one.radius:.1f},{one.score:.2f}"
 
 
 def picture_path(photo: Path, words: str, output: Path | None) -> Path:

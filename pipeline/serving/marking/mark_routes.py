@@ -75,6 +75,11 @@ class _Sights(_Asked):
         self.tell(await self.answered(self.session.sights, self.get_query_argument("point", "")))
 
 
+class _Proposals(_Asked):
+    async def get(self) -> None:
+        self.tell(await self.answered(self.session.proposals, self.get_query_argument("point", "")))
+
+
 class _ChangeMade(_Asked):
     async def post(self) -> None:
         # A form of another site can send text, but not this type without being asked first.
@@ -113,6 +118,7 @@ def mark_routes(session: MarkingSession) -> list[tuple[str, type[RequestHandler]
         (r".*/photographs\.json", _Photographs, asked),
         (r".*/state\.json", _State, asked),
         (r".*/sights\.json", _Sights, asked),
+        (r".*/proposals\.json", _Proposals, asked),
         (r".*/change", _ChangeMade, asked),
         (r".*/crop\.jpg", _Crop, asked),
     ]

@@ -1,7 +1,7 @@
 """What the page of marks is told, and what it may change: the ledger, the judgement of the block, and the photographs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from threading import Lock
 from typing import Any, Protocol
@@ -11,7 +11,11 @@ import numpy as np
 from orthomill.pipeline.serving.marking.mark_ledger import Change, MarkLedger
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
 from orthomill.schemas.errors import OrthomillError
-from orthomill.schemas.marks import ExpectedSight, MarkJudgement, Marks
+from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkJudgement, MarkProposal, Marks
+from orthomill.schemas.raster import Window
+
+ReadGrey = Callable[[str, Window], np.ndarray]
+TargetsOf = Callable[[str], tuple[FoundTarget, ...]]
 
 
 class KnowsTheBlock(Protocol):
@@ -21,6 +25,8 @@ class KnowsTheBlock(Protocol):
     def oriented(self) -> bool: ...
     def judged(self, marks: Marks) -> MarkJudgement: ...
     def sights(self, marks: Marks, point: str) -> Sequence[ExpectedSight]: ...
+    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> Sequence[MarkProposal]: ...
+    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks: ...
 
 
 class MarkingSession:
@@ -60,6 +66,18 @@ class MarkingSession:
         if point not in {one.name for one in marks.points}:
             return []
         return [_sight(one) for one in self._block.sights(marks, point)]
+
+    def proposals(self, point: str) -> list[dict[str, Any]]:
+        """Where matching and targets find a point in the photographs that should show it."""
+        marks = self.ledger.marks
+        if point not in {one.name for one in marks.points}:
+            return []
+        return [_proposal(one) for one in self._block.proposals(marks, point, self.crops.grey) if math.isfinite(one.place[0])]
+
+    def mark_automatically(self, targets_of: TargetsOf) -> Marks:
+        """Mark what needs nobody, and keep it; `targets_of`: the targets of a photograph, by its name."""
+        self.ledger.replace(self._block.automatic(self.ledger.marks, self.crops.grey, targets_of))
+        return self.ledger.marks
 
     def _judgement(self, revision: int, marks: Marks) -> dict[str, Any]:
         # One after the other: all pages get the same answer, computed once.
@@ -110,6 +128,18 @@ def _sight(sight: ExpectedSight) -> dict[str, Any]:
         "before": sight.gain[0],
         "after": sight.gain[1],
         "inside": round(sight.inside, 1),
+    }
+
+
+def _proposal(one: MarkProposal) -> dict[str, Any]:
+    return {
+        "photo": one.photo,
+        "col": round(one.place[0], 3),
+        "row": round(one.place[1], 3),
+        "sigma": round(one.sigma, 3) if math.isfinite(one.sigma) else None,
+        "correlation": round(one.correlation, 3),
+        "refused": one.refused,
+        "by": one.by,
     }
 
 

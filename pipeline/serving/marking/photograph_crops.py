@@ -34,6 +34,13 @@ class PhotographCrops:
         shown = self._shown(photo, (col, row), scale, size)
         return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
 
+    def pixels(self, name: str) -> np.ndarray:
+        """(rows, cols, bands) of a whole photograph; 0 where it is masked."""
+        photo = self.photos[name]
+        found = self._store.read(photo_raster(name), self._store.spec(photo_raster(name)).full)
+        shown = found[..., -1:] > 0 if photo.masked else True
+        return np.where(shown, found[..., : photo.bands], np.zeros((), found.dtype))
+
     def grey(self, name: str, window: Window) -> np.ndarray:
         """(height, width) float32 of a window of a photograph, NaN outside of it."""
         photo = self.photos[name]
