@@ -89,7 +89,7 @@ def test_a_coded_target_names_itself():
 
 
 def test_what_looks_like_a_target_in_one_photograph_is_none_but_what_all_show_is():
-    block = simulated_block(2, 4, seed=2)
+    block = simulated_block(2, 4, seed=2, ties=100)
     rng = np.random.default_rng(4)
     place = np.array([25.0, 20.0, 0.5])
     found = {view.name: [target(*rng.uniform(100, 2900, 2)) for _ in range(15)] for view in block.views}

@@ -19,7 +19,7 @@ NEIGHBOURS = 4
 LEAST_BASE = 0.08
 """base by distance from the ground"""
 NEAR = 2.0
-"""px, and px per standard error of the block, within which a detection is that of a point"""
+"""px within which a detection is that of a point: what image errors and the block leave"""
 LEAST_VIEWS = 3
 SHARE = 0.6
 """Share of the photographs that should show a point in which it must be detected."""
