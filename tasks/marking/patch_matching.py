@@ -37,7 +37,7 @@ SEARCHED = LeastSquaresMatching(window=2 * HALF + 1, min_correlation=0.6, min_gr
 
 
 @dataclass(frozen=True, eq=False)
-class MarkedPatch:
+class CarriedPatch:
     """A patch (h, w) about a mark at `place` (2,) (col, row) in it, the standard error `sigma` of the mark, px, and `affine` (2,
     2): from steps in its photograph to steps in the one that is searched."""
 
@@ -78,7 +78,7 @@ def search_radius(covariance: np.ndarray) -> int:
     return int(np.clip(np.ceil(3.0 * longest) + 3, LEAST_SEARCH, MOST_SEARCH))
 
 
-def carried(marked: list[MarkedPatch], searched: SearchedPatch) -> CarriedMark:
+def carried(marked: list[CarriedPatch], searched: SearchedPatch) -> CarriedMark:
     """The mark by all patches together: the place that most of them agree on."""
     found = [carried_from(one, searched) for one in marked]
     good = [one for one in found if not one.refused]
@@ -102,7 +102,7 @@ def carried(marked: list[MarkedPatch], searched: SearchedPatch) -> CarriedMark:
     return CarriedMark(place, spread, best.correlation, best.rival)
 
 
-def carried_from(marked: MarkedPatch, searched: SearchedPatch) -> CarriedMark:
+def carried_from(marked: CarriedPatch, searched: SearchedPatch) -> CarriedMark:
     """The mark of one patch in the searched part."""
     template = warped(marked)
     if not np.isfinite(template).all():
@@ -134,7 +134,7 @@ def carried_from(marked: MarkedPatch, searched: SearchedPatch) -> CarriedMark:
     return CarriedMark(match.position[0], sigma, float(match.correlation[0]), rival)
 
 
-def warped(marked: MarkedPatch) -> np.ndarray:
+def warped(marked: CarriedPatch) -> np.ndarray:
     """(2 HALF + 1, 2 HALF + 1) float32: the patch as the searched photograph would show it, the mark in its middle pixel."""
     back = np.linalg.inv(marked.affine)
     to_patch = np.column_stack([back, marked.place - back @ (HALF, HALF)])

@@ -9,7 +9,7 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.model.collinearity import derivatives
 from orthomill.tasks.adjustment.model.network import Rays, State
 from orthomill.tasks.marking.belief import Belief
-from orthomill.tasks.marking.patch_matching import HALF, MarkedPatch, SearchedPatch, carried, search_radius
+from orthomill.tasks.marking.patch_matching import HALF, CarriedPatch, SearchedPatch, carried, search_radius
 
 ReadGrey = Callable[[str, Window], np.ndarray]
 """(height, width) float32 of a window of a photograph, NaN outside"""
@@ -44,7 +44,7 @@ def proposals(
                 mark = point.marks[photo]
                 patches[photo] = _read_about(read, photo, np.array([mark.col, mark.row]), int(HALF * MOST_STRETCH) + ROOM)
             grey, at = patches[photo]
-            given.append(MarkedPatch(grey, at, point.marks[photo].sigma, affine))
+            given.append(CarriedPatch(grey, at, point.marks[photo].sigma, affine))
         out.append(_proposal(given, sight, read))
     return tuple(out)
 
@@ -81,7 +81,7 @@ def _read_about(read: ReadGrey, photo: str, at: np.ndarray, reach: int) -> tuple
     return read(photo, window), at - first
 
 
-def _proposal(given: list[MarkedPatch], sight: ExpectedSight, read: ReadGrey) -> MarkProposal:
+def _proposal(given: list[CarriedPatch], sight: ExpectedSight, read: ReadGrey) -> MarkProposal:
     at = np.array(sight.place)
     grey, place = _read_about(read, sight.photo, at, search_radius(sight.covariance) + 2 * HALF + ROOM)
     found = carried(given, SearchedPatch(grey, place, sight.covariance))

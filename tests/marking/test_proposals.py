@@ -8,7 +8,7 @@ from benchmarks.marking.drawn_targets import drawn, nearest
 from benchmarks.marking.simulated_marks import simulated_block
 from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkedPoint
 from orthomill.tasks.marking.expected_targets import target_proposals, unexpected_targets
-from orthomill.tasks.marking.patch_matching import MarkedPatch, SearchedPatch, carried, carried_from
+from orthomill.tasks.marking.patch_matching import CarriedPatch, SearchedPatch, carried, carried_from
 from orthomill.tasks.marking.targets.coded_targets import crossing
 from orthomill.tasks.marking.targets.photo_targets import photo_targets, stretched, targets_in
 from orthomill.tasks.marking.targets.symmetric_centre import symmetric_centre
@@ -33,7 +33,7 @@ def test_a_mark_is_carried_over_turn_scale_and_light(angle, scale):
     other, A = turned(picture, angle, scale, 0.8)
     place = np.array([207.3, 190.6])
     there = A @ [*place, 1.0]
-    marked = MarkedPatch(picture, place, 0.05, A[:, :2])
+    marked = CarriedPatch(picture, place, 0.05, A[:, :2])
     found = carried([marked], SearchedPatch(other, there + np.array([3.0, -4.0]), 9.0 * np.eye(2)))
     assert found.refused == ""
     assert np.linalg.norm(found.place - there) < 0.1
@@ -45,10 +45,10 @@ def test_a_pattern_that_repeats_is_refused():
     rows = 120 + 50 * np.sin(x / 2.5)[None, :] * np.sin(x / 2.5)[:, None]
     picture = (rows + np.random.default_rng(1).normal(0, 2, rows.shape)).astype(np.float32)
     place = np.array([200.0, 200.0])
-    found = carried_from(MarkedPatch(picture, place, 0.1, np.eye(2)), SearchedPatch(picture, place, 100.0 * np.eye(2)))
+    found = carried_from(CarriedPatch(picture, place, 0.1, np.eye(2)), SearchedPatch(picture, place, 100.0 * np.eye(2)))
     assert "another place" in found.refused
     # A prediction that leaves one of them only decides it.
-    near = carried_from(MarkedPatch(picture, place, 0.1, np.eye(2)), SearchedPatch(picture, place, 0.5 * np.eye(2)))
+    near = carried_from(CarriedPatch(picture, place, 0.1, np.eye(2)), SearchedPatch(picture, place, 0.5 * np.eye(2)))
     assert near.refused == "" and np.linalg.norm(near.place - place) < 0.1
 
 
@@ -59,7 +59,7 @@ def test_where_the_point_is_not_nothing_is_proposed(searched):
         "flat": np.full((400, 400), 90.0, np.float32),
         "outside": np.full((400, 400), np.nan, np.float32),
     }
-    marked = MarkedPatch(ground(), np.array([200.0, 200.0]), 0.1, np.eye(2))
+    marked = CarriedPatch(ground(), np.array([200.0, 200.0]), 0.1, np.eye(2))
     assert carried([marked], SearchedPatch(picture[searched], np.array([200.0, 200.0]), 25.0 * np.eye(2))).refused
 
 
