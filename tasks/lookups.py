@@ -2,6 +2,7 @@
 
 from orthomill.tasks.accuracy.acceptance.clauses import accepted
 from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
+from orthomill.tasks.accuracy.acceptance.inspector import Inspector
 from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovariance
 from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
@@ -15,6 +16,7 @@ from orthomill.tasks.marking.targets.photo_targets import targets_in
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 
 __all__ = [
+    "Inspector",
     "StoredCovariance",
     "SurveyedPoint",
     "accepted",

@@ -115,6 +115,8 @@ class AcceptanceResult(BaseModel):
     profile: str
     delivery: str
     clauses: tuple[Clause, ...]
+    findings: tuple[str, ...] = ()
+    """errors that the check points share, by name"""
 
     @property
     def complete(self) -> bool:

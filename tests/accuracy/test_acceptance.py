@@ -6,9 +6,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from orthomill.schemas.accuracy.acceptance import Acceptance, DeliveryFacts
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.accuracy.acceptance.clauses import accepted
 from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
+from orthomill.tasks.accuracy.acceptance.inspector import Inspector
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 
 
@@ -71,3 +73,18 @@ def test_products_of_another_program_are_inspected():
     found = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1)
     assert found.of("nva").fit == pytest.approx(0.2) and found.of("horizontal").fit == pytest.approx(0.1)
     assert found.of("nva").promised is None
+
+
+def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
+    grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
+    control = Control(
+        points=tuple(
+            ControlPoint(name=f"P{i}", role=role, xyz=(20.0 + i, 50.0, 10.0), sigma=(0.01, 0.01, 0.01), measurements={})
+            for i, role in enumerate(("check", "check", "control"))
+        )
+    )
+    known = Inspector(None, None, control, None)
+    image = (grid, lambda cells, window: np.full((*window.shape, 3), 9.0, np.float32))
+    found = known.statement((grid, lambda cells, window: np.full(window.shape, 10.2)), image)
+    assert found.of("nva").points == 2 and found.of("nva").fit == pytest.approx(0.2)
+    assert {reason for _, reason in found.untested} == {"place: marked in no photograph"}

@@ -79,7 +79,12 @@ def covariance(
 
 @answers.command()
 def accept(
-    name: Annotated[str | None, typer.Argument(help="A project that has been run; left out for files of another program.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="A project that has been run; with --dsm or --ortho, its check points and photographs inspect those files."
+        ),
+    ] = None,
     profile: Annotated[
         str | None, typer.Option(help="asprs_2023, adv_truedop, inspire_oi, custom, or a YAML file; the project's when left out.")
     ] = None,
@@ -99,6 +104,7 @@ def accept(
         Delivered,
         acceptance_lines,
         acceptance_page,
+        facts_by_inspector,
         facts_of_files,
         facts_of_run,
         profile_of,
@@ -106,21 +112,24 @@ def accept(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole
     from orthomill.schemas.errors import WorkflowError
-    from orthomill.tasks.lookups import SurveyedPoint, accepted, inspected
+    from orthomill.tasks.lookups import Inspector, SurveyedPoint, accepted, inspected
 
     with plain_errors(debug):
         loaded = load_project(name) if name else None
         if loaded is None and dsm is None and ortho is None:
             raise WorkflowError("Give a project that has been run, or files of a delivery with --dsm and --ortho.")
         limits = profile_of(profile, loaded.project if loaded else None)
-        if loaded:
+        files = Delivered(dsm, ortho, points)
+        delivery = " and ".join(path.name for path in (dsm, ortho) if path)
+        if loaded and not (dsm or ortho):
             facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
+        elif loaded:
+            facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, Inspector)
         else:
-            facts = facts_of_files(Delivered(dsm, ortho, points), inspected, SurveyedPoint)
-            delivery = " and ".join(path.name for path in (dsm, ortho) if path)
+            facts = facts_of_files(files, inspected, SurveyedPoint)
         result = accepted(limits, facts, delivery)
-        files = [loaded.run_folder / f"acceptance.{end}" for end in ("json", "html")] if loaded else []
-        for path in [*files, *([output] if output else [])]:
+        own = [loaded.run_folder / f"acceptance.{end}" for end in ("json", "html")] if loaded and not (dsm or ortho) else []
+        for path in [*own, *([output] if output else [])]:
             text = acceptance_page(result) if path.suffix == ".html" else result.model_dump_json(indent=1)
             write_whole(path, text.encode())
         for line in acceptance_lines(result):

@@ -13,13 +13,16 @@ from pydantic import TypeAdapter, ValidationError
 
 from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
+from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
 from orthomill.schemas.accuracy.acceptance import Acceptance, AcceptanceLimits, AcceptanceResult, DeliveryFacts, NoAcceptance
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
-from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import HeightFile, HeightHeader
-from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.job import HeightFile, HeightHeader, MapFile
+from orthomill.schemas.observations import CONTROL
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, PROVENANCE
@@ -114,6 +117,49 @@ def facts_of_files(delivered: Delivered, inspect: Inspect, make_point: Callable[
     )
 
 
+def facts_by_inspector(folder: Path, delivered: Delivered, crs: str, inspector: Callable[..., Any]) -> DeliveryFacts:
+    """Files of another program at the check points of a run, whose photographs show where an orthoimage has them. Raises StoreError
+    before the run has a block, WorkflowError for files that cannot be read."""
+    store = Store(folder)
+    if not (store.has_table(BLOCK) and store.has_table(CONTROL)):
+        raise StoreError(f"{folder.name} has no block yet; run it first: orthomill run {folder.name} --until orientation")
+    known = inspector(
+        store.table(BLOCK),
+        store.table(PHOTOS),
+        store.table(CONTROL),
+        lambda photo, level, window: store.read(photo_raster(photo, level), window),
+    )
+    picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
+    surface, image = _heights_in(delivered.dsm, crs), _colours_in(delivered.ortho, crs)
+    return DeliveryFacts(
+        statement=known.statement(surface, image),
+        pixel=picture.pixel if picture else None,
+        voids=picture.voids if picture else None,
+        clipped=picture.clipped if picture else None,
+        crs=crs,
+    )
+
+
+Part = tuple[MapGrid, Callable[[MapGrid, Window], np.ndarray]]
+
+
+def _heights_in(path: Path | None, crs: str) -> Part | None:
+    """A surface in the system of a project."""
+    if path is None:
+        return None
+    check_height_file(path)
+    return read_height_grid(path, HeightHeader(str(path), crs)), lambda grid, window: read_heights(
+        path, HeightFile(str(path), crs, grid, window)
+    )
+
+
+def _colours_in(path: Path | None, crs: str) -> Part | None:
+    """An orthoimage in the system of a project; where it has no colour, NaN."""
+    if path is None:
+        return None
+    return read_map_grid(path, crs), lambda grid, window: read_map(path, MapFile(str(path), crs, grid, window, bands=3))
+
+
 def _surface(path: Path | None) -> tuple[MapGrid | None, Callable[[MapGrid, Window], np.ndarray] | None, str]:
     if path is None:
         return None, None, ""
@@ -144,6 +190,7 @@ def acceptance_lines(result: AcceptanceResult) -> Iterator[str]:
     """One line for each clause, the verdict last."""
     for clause in result.clauses:
         yield f"{clause.outcome:13} {clause.clause}: {clause.found} (limit: {clause.limit})"
+    yield from (f"found: {sentence}" for sentence in result.findings)
     yield result.sentence
 
 
@@ -156,6 +203,6 @@ def acceptance_page(result: AcceptanceResult) -> str:
     rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
     return (
         f"<!doctype html><meta charset='utf-8'><title>Acceptance</title><style>{_STYLE}</style>"
-        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b></p>"
+        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b> {escape(' '.join(result.findings))}</p>"
         f"<table><tr><th>outcome</th><th>clause</th><th>found</th><th>limit</th></tr>{rows}</table>"
     )

@@ -14,7 +14,12 @@ _UNTESTED = "not tested at independent points"
 
 def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> AcceptanceResult:
     """Every clause that the profile asks for."""
-    return AcceptanceResult(profile=getattr(profile, "kind", "custom"), delivery=delivery, clauses=tuple(_clauses(profile, facts)))
+    return AcceptanceResult(
+        profile=getattr(profile, "kind", "custom"),
+        delivery=delivery,
+        clauses=tuple(_clauses(profile, facts)),
+        findings=tuple(error.sentence for error in facts.statement.named),
+    )
 
 
 def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:

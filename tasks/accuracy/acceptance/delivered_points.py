@@ -39,7 +39,12 @@ def inspected(points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: 
             height = height_at(CellsAround(grid, window, values, np.zeros(values.shape)), *point.xyz[:2], STEEPEST)
         tests.append(PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place))
     area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
-    found = statement_of(PointTests(points=tuple(tests), area_km2=area))
-    # A surface of another program promises nothing: only the survey's errors would stand in the comparison.
+    return unpromised(PointTests(points=tuple(tests), area_km2=area))
+
+
+def unpromised(tests: PointTests) -> AccuracyStatement:
+    """The statement without what was promised: a surface of another program promises nothing, and only the survey's errors would
+    stand in the comparison."""
+    found = statement_of(tests)
     figures = tuple(figure.model_copy(update={"promised": None}) for figure in found.figures)
     return found.model_copy(update={"figures": figures})

@@ -17,13 +17,12 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import state_adjustment
-from orthomill.tasks.accuracy.points.orthoimage_place import level_for, patch_window, pixels_around
-from orthomill.tasks.accuracy.points.point_test import PatchPlace, PointPlace, PointRules, point_beside_products
+from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
+from orthomill.tasks.accuracy.points.point_patches import patches_of
+from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
-from orthomill.tasks.geometry.view import block_view
-from orthomill.tasks.imagery.pyramid import level_shape
 
 _SCRATCH = 64 * 2**20
 """bytes for patches and matching of one point"""
@@ -130,19 +129,8 @@ class PointJobs:
         x, y, _ = point.xyz
         cells = _inside(cells_around(self.surface, x, y), self.surface) if self.surface else None
         pixels = _inside(pixels_around(self.ortho, x, y), self.ortho) if self.ortho else None
-        patches = tuple(self._patches(point, self.ortho)) if self.ortho and pixels else ()
+        patches = tuple(patches_of(point, self.block, self.photos, self.ortho.cell)) if self.ortho and pixels else ()
         return PointPlace(self.surface, cells, self.ortho, pixels, patches)
-
-    def _patches(self, point: ControlPoint, ortho: MapGrid) -> Iterator[PatchPlace]:
-        for photo in sorted(point.measurements):
-            if photo not in self.block.names:
-                continue
-            known, seen = self.photos[photo], block_view(self.block, photo)
-            level = level_for(seen, point.xyz, ortho.cell, known.levels)
-            shape = level_shape((known.height, known.width), level)
-            window = patch_window(seen, point.measurements[photo], point.xyz, ortho.cell, level).clipped(shape)
-            if not window.empty:
-                yield PatchPlace(photo, level, window)
 
 
 def _inside(window: Window, grid: MapGrid) -> Window | None:

@@ -9,20 +9,12 @@ from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.orientation import Block, GroundResiduals
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.points.orthoimage_place import GroundPlane, MarkedPatch, OrthoPixels, place_in_orthoimage
+from orthomill.tasks.accuracy.points.point_patches import PatchPlace
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, height_at
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.visibility.monoplotting import point_covariance
 
 _UP = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True)
-class PatchPlace:
-    """A patch that a job reads: photograph, level of its pyramid and window there."""
-
-    photo: str
-    level: int
-    window: Window
 
 
 @dataclass(frozen=True)

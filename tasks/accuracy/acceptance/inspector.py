@@ -1,0 +1,65 @@
+"""Products of another program at the check points of a project, whose photographs show where an orthoimage has them."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.point_tests import PointTest, PointTests
+from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.orientation import Block
+from orthomill.schemas.photo import Photos
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.accuracy.acceptance.delivered_points import STEEPEST, unpromised
+from orthomill.tasks.accuracy.points.orthoimage_place import (
+    GroundPlane,
+    MarkedPatch,
+    OrthoPixels,
+    pixels_around,
+    place_in_orthoimage,
+)
+from orthomill.tasks.accuracy.points.point_patches import patches_of
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.geometry.view import block_view
+
+Read = Callable[[MapGrid, Window], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Inspector:
+    """What a project knows: block, photographs and control, and `patch`, which reads a window of a level of a photograph."""
+
+    block: Block
+    photos: Photos
+    control: Control
+    patch: Callable[[str, int, Window], np.ndarray]
+
+    def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
+        """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given."""
+        points = [point for point in self.control.points if point.role == "check"]
+        tests = tuple(self._test(point, surface, ortho) for point in points)
+        grid = surface[0] if surface else None
+        area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
+        return unpromised(PointTests(points=tests, area_km2=area))
+
+    def _test(self, point: ControlPoint, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> PointTest:
+        x, y, _ = point.xyz
+        height = place = None
+        if surface:
+            grid, read = surface
+            window = cells_around(grid, x, y).clipped(grid.shape)
+            values = np.zeros((0, 0)) if window.empty else read(grid, window)
+            height = height_at(CellsAround(grid, window, values, np.zeros(values.shape)), x, y, STEEPEST)
+        if ortho:
+            grid, read = ortho
+            window = pixels_around(grid, x, y).clipped(grid.shape)
+            pixels = np.zeros((0, 0, 3)) if window.empty else read(grid, window)
+            patches = tuple(self._patches(point, grid.cell))
+            place = place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz))
+        return PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place)
+
+    def _patches(self, point: ControlPoint, cell: float) -> Iterator[MarkedPatch]:
+        for at in patches_of(point, self.block, self.photos, cell):
+            pixels = self.patch(at.photo, at.level, at.window)
+            yield MarkedPatch(block_view(self.block, at.photo), point.measurements[at.photo], at.level, at.window, pixels)
