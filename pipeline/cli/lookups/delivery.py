@@ -199,10 +199,11 @@ _STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}td,th{text-
 
 def acceptance_page(result: AcceptanceResult) -> str:
     """The same as one HTML page without network."""
+    found = " ".join(result.findings)
     cells = ((c.outcome, c.clause, c.found, c.limit) for c in result.clauses)
     rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
     return (
         f"<!doctype html><meta charset='utf-8'><title>Acceptance</title><style>{_STYLE}</style>"
-        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b> {escape(' '.join(result.findings))}</p>"
+        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b> {escape(found)}</p>"
         f"<table><tr><th>outcome</th><th>clause</th><th>found</th><th>limit</th></tr>{rows}</table>"
     )
