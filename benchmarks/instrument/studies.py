@@ -41,6 +41,15 @@ _ALL = (
         words="[RUN]: a finished run of it",
     ),
     Study(
+        "disjoint_halves",
+        "compare.disjoint_halves",
+        "heights of the volume from two sets of photographs that share none",
+        "minutes",
+        ("tasks/densification", "tasks/matching"),
+        RUN,
+        "RUN [NAME ...]: photographs of the first set",
+    ),
+    Study(
         "time_by_stage",
         "time_by_stage",
         "where the processor time goes, stage by stage",

@@ -5,8 +5,9 @@ and steps are larger. From the coarsest level on, each takes over where its cell
 step marks where one ends and the next begins; where it does not, the surface of the levels above goes on, interpolated. What no
 level shows is closed from its surroundings, and from the tie points where nothing around is known either.
 
-What such a height is worth: surfaces from disjoint halves of the photographs differ by 1.15 steps of that level, on three levels
-alike. What no level shows is as uncertain as the heights of the coarsest one around lie from it, and no less than a crown is deep.
+What such a height is worth: surfaces from disjoint halves of the photographs differ by 1.15 steps of that level and less, on three
+levels alike (`python -m benchmarks disjoint_halves`). What no level shows is as uncertain as the heights of the coarsest one around
+lie from it, and no less than a crown is deep.
 
 Source: of the composition, Burt and Adelson 1983 (a multiresolution spline); of the closing, Gortler et al. 1996.
 """
