@@ -103,7 +103,7 @@ _ALL = (
         "minutes",
         ("tasks/accuracy",),
         RUN,
-        "RUN ...: finished runs of simulated towns",
+        "RUN ... [MOST]: finished runs of simulated towns, and the largest polygons, m2",
     ),
     Study(
         "stated_classes",
