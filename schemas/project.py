@@ -328,6 +328,23 @@ class MapSurface(Settings):
     """The surface stands on the map: a height for every cell."""
 
     kind: Literal["map"] = "map"
+    area: Literal["auto"] | tuple[float, float, float, float] = setting(
+        "auto",
+        "Where the surface is made, checked and textured: x and y of the lower left corner, then of the upper right one. "
+        "Nothing is matched outside. auto: all ground that pairs of photographs see.",
+        "m",
+    )
+    origin: tuple[float, float] = setting(
+        (0.0, 0.0), "A corner of the cells: all others are whole cells away, as on the grid of a client or a mapping office.", "m"
+    )
+    cell: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(
+        "auto", "Cell size, unless the stage densification names another; auto: by the ground pixel.", "m"
+    )
+
+    @model_validator(mode="after")
+    def _area_is_one(self) -> Self:
+        _check_area(self.area)
+        return self
 
 
 class PlaneSurface(Settings):
@@ -345,9 +362,13 @@ class PlaneSurface(Settings):
 
     @model_validator(mode="after")
     def _area_is_one(self) -> Self:
-        if self.area != "auto" and not (self.area[0] < self.area[2] and self.area[1] < self.area[3]):
-            raise ValueError("the area has no inside; give x and y of its lower left corner, then of its upper right one")
+        _check_area(self.area)
         return self
+
+
+def _check_area(area: Literal["auto"] | tuple[float, float, float, float]) -> None:
+    if area != "auto" and not (area[0] < area[2] and area[1] < area[3]):
+        raise ValueError("the area has no inside; give x and y of its lower left corner, then of its upper right one")
 
 
 SurfaceGround = Annotated[MapSurface | PlaneSurface, Field(discriminator="kind")]

@@ -33,7 +33,7 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import CheckCode
 from orthomill.schemas.truth import OPEN_MATERIALS, TRUTH_GRID, TRUTH_MATERIAL, TRUTH_SURFACE, Material
-from orthomill.tasks.densification.surface_grid import surface_of
+from orthomill.tasks.densification.surface_grid import GridWish, surface_of
 from orthomill.tasks.imagery.resampling import between
 
 HEIGHTS, RADII = (0.5, 1.0, 2.0, 5.0, 10.0, 25.0), {60: 1, 40: 1, 25: 2, 15: 3, 9: 4, 6: 4, 3: 4}
@@ -69,7 +69,7 @@ def ground_of(folder: Path, sides: tuple[int, int] = SIDES) -> Ground:
     """The middle of a simulated run, `sides` cells of it."""
     store = Store(folder)
     block, pairs, points = (store.table(table) for table in (BLOCK, PAIRS, GROUND_POINTS))
-    whole, truth = surface_of(block, pairs, points, None).grid, store.table(TRUTH_GRID)
+    whole, truth = surface_of(block, pairs, points, GridWish()).grid, store.table(TRUTH_GRID)
     rows, cols = (min(side, size) for side, size in zip(sides, whole.shape, strict=True))
     first = (whole.rows - rows) // 2, (whole.cols - cols) // 2
     west, north = whole.west + first[1] * whole.cell, whole.north - first[0] * whole.cell

@@ -1,5 +1,7 @@
 """The map grid of the surface model: the ground that the pairs see, in cells of a round size."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
@@ -9,34 +11,51 @@ from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
 
+_WHOLE = 1e-6
+"""cells: a corner as near to a whole number of them is one"""
 
-def surface_of(block: Block, pairs: EpipolarPairs, points: GroundPoints, cell: float | None) -> Surface:
-    """The grid over the union of what the pairs see, in the area of the block where it has one, with cells of `cell` (m) or, if
-    None, of a round size near 1.5 ground pixels at the middle of the tie points.
 
-    Raises GeometryError when there is no pair, or when no pair sees common ground.
+@dataclass(frozen=True)
+class GridWish:
+    """What is asked of the map grid: its cell (m; None: a round size near 1.5 ground pixels), a corner of its cells (m), and its
+    area (west, south, east, north) m; None: all that pairs see."""
+
+    cell: float | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    area: Area | None = None
+
+
+def surface_of(block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: GridWish) -> Surface:
+    """The grid over the union of what the pairs see, in the area of the block where it has one, or over the area that is asked for.
+
+    Raises GeometryError when there is no pair, when no pair sees common ground, or none in the area.
     """
     if not pairs.pairs:
         raise GeometryError(
             "No pair of photographs is suitable for matching, so there is no surface model; the epipolar report gives the reasons."
         )
     # The median: one oblique or high pair must not set the resolution of the whole surface.
-    cell = cell or round_cell_size(float(np.median([_pixel_at(pair, _level(block, points)) for pair in pairs.pairs])))
+    cell = wish.cell or round_cell_size(float(np.median([_pixel_at(pair, _level(block, points)) for pair in pairs.pairs])))
     low, high = height_bounds(pairs)
     bounds = np.array([pair_bounds(pair, block.ground_low, block.ground_high) for pair in pairs.pairs])
-    # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
     low_corner, high_corner = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
-    if block.area is not None:
-        low_corner, high_corner = np.maximum(low_corner, block.area[:2]), np.minimum(high_corner, block.area[2:])
-    west, south = np.floor(low_corner / cell) * cell
-    east, north = np.ceil(high_corner / cell) * cell
-    if not (east > west and north > south) and block.area is not None:
-        raise GeometryError(
-            f"The pairs of photographs see no ground in the area of the plane, {_corners(block.area)}; move it (grid)."
-        )
-    if not (east > west and north > south):
+    area = wish.area or block.area
+    if area is not None:
+        inner = np.maximum(low_corner, area[:2]), np.minimum(high_corner, area[2:])
+        if not (inner[0] < inner[1]).all():
+            where = "that is asked for" if wish.area else "of the plane"
+            raise GeometryError(f"The pairs of photographs see no ground in the area {where}, {_corners(area)}; move it (grid).")
+        # A client's sheet is as large as it is named, also where nothing is seen of it.
+        low_corner, high_corner = (np.array(wish.area[:2]), np.array(wish.area[2:])) if wish.area else inner
+    # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
+    origin = np.array(wish.origin)
+    low_cells, high_cells = (low_corner - origin) / cell, (high_corner - origin) / cell
+    # Corners that are multiples already stay so, whatever the division left of them.
+    first, last = np.floor(low_cells + _WHOLE).astype(int), np.ceil(high_cells - _WHOLE).astype(int)
+    if not (last > first).all():
         raise GeometryError("The pairs of photographs see no common ground; check the orientation and the heights of the block.")
-    rows, cols = round((north - south) / cell), round((east - west) / cell)
+    (west, _), (_, north) = origin + first * cell, origin + last * cell
+    cols, rows = (last - first).tolist()
     grid = MapGrid(west=float(west), north=float(north), cell=cell, rows=rows, cols=cols)
     return Surface(grid=grid, height_low=low, height_high=high)
 

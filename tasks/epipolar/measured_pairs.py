@@ -2,7 +2,7 @@
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.observations import ImageResiduals
-from orthomill.schemas.orientation import Block
+from orthomill.schemas.orientation import Area, Block
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import matched_level, with_measured_rows
@@ -17,13 +17,14 @@ def measured_pairs(
     height_margin: float,
     height_room: float,
     level: int | None,
+    area: Area | None = None,
 ) -> EpipolarPairs:
     """The useful pairs (`choose_pairs`) with the rows that their tie points measured, on pyramid level `level`; None: on the finest
-    one on which these agree."""
+    one on which these agree. area: the ground that is wanted, m; the images of the pairs are cut to it."""
     coarsest = min(photos[name].levels for name in block.names) - 1
 
     def on(number: int) -> EpipolarPairs:
-        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest))
+        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest), area)
         return with_measured_rows(pairs, block, measured, photos.names)
 
     if level is not None:

@@ -18,7 +18,8 @@ import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.orientation import Block
+from orthomill.schemas.orientation import Area, Block
+from orthomill.tasks.epipolar.area_cut import cut_to
 from orthomill.tasks.epipolar.height_precision import height_sigmas
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.row_precision import row_sigma
@@ -80,11 +81,13 @@ def block_heights(block: Block, margin: float, room: float = 0.0) -> HeightRange
     return HeightRange(block.ground_low - spare, block.ground_high + max(spare, min(room, _GREATEST_ROOM * flying)))
 
 
-def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0, level: int = 0) -> EpipolarPairs:
+def choose_pairs(
+    block: Block, choice: PairChoice, height_margin: float, height_room: float = 0.0, level: int = 0, area: Area | None = None
+) -> EpipolarPairs:
     """The epipolar geometry of every useful pair on pyramid level `level`, and the reasons why others are not used.
 
-    `height_margin` extends the block's heights, as a share of the flying height, `height_room` (m) upwards. Raises GeometryError
-    when no pair is useful.
+    `height_margin` extends the block's heights, as a share of the flying height, `height_room` (m) upwards. The images
+    of pairs are cut to `area` (m), and pairs that see nothing of it are not used. Raises GeometryError when no pair is useful.
     """
     heights = block_heights(block, height_margin, height_room)
     views = [block_view(block, name) for name in block.names]
@@ -95,9 +98,10 @@ def choose_pairs(block: Block, choice: PairChoice, height_margin: float, height_
     pairs = []
     for c in kept:
         try:
-            pairs.append(_pair(block, views, c, heights, level))
+            pairs.append(_pair(block, views, c, heights, (level, area)))
         except GeometryError as error:
-            refused.append((_name(views, c), str(error)))
+            # Before those that others made needless: it is the reason that no pair is left.
+            refused.insert(0, (_name(views, c), str(error)))
     if not pairs:
         raise GeometryError(_no_pair(block, found, refused))
     # In order of name: the order of the photographs in the block must not decide the order of jobs and fusion.
@@ -288,9 +292,13 @@ def _nearer_to_both(c: Candidate, centres: np.ndarray, others: set[int]) -> bool
     return bool(np.any(np.maximum(*distances) < reach))
 
 
-def _pair(block: Block, views: list[View], candidate: Candidate, heights: HeightRange, level: int) -> EpipolarPair:
+def _pair(
+    block: Block, views: list[View], candidate: Candidate, heights: HeightRange, wanted: tuple[int, Area | None]
+) -> EpipolarPair:
     left, right = in_order(views[candidate.first], views[candidate.second])
+    level, area = wanted
     pair = normal_case(left, right, heights, level)
+    pair = pair if area is None else cut_to(pair, area, heights)
     predicted = row_sigma(pair, block)
     rows = {"row_sigma": predicted, "row_sigma_predicted": predicted}
     return pair.model_copy(update={**rows, "height_sigmas": height_sigmas(pair, block)})

@@ -27,7 +27,7 @@ from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_r
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, GuideFile
 from orthomill.tasks.densification.settings.surface_settings import MeasuredOnly
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
-from orthomill.tasks.densification.surface_grid import surface_of
+from orthomill.tasks.densification.surface_grid import GridWish, surface_of
 from orthomill.tasks.densification.volume import volume_tile
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.geometry.view import block_view
@@ -157,7 +157,7 @@ def test_blank_photographs_give_estimates_and_the_report_says_so(seen):
 def coarse_model(seen) -> tuple[MapGrid, np.ndarray]:
     """Posts 32 cells apart with 1 m of noise."""
     grid = terrain_grid(
-        surface_of(block_of(seen[1].pair), EpipolarPairs(pairs=(seen[1].pair,)), tie_points(seen[0].height), None).grid
+        surface_of(block_of(seen[1].pair), EpipolarPairs(pairs=(seen[1].pair,)), tie_points(seen[0].height), GridWish()).grid
     )
     x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
     truth = ndimage.map_coordinates(seen[0].height, [-y / CELL, x / CELL], order=1, mode="nearest")

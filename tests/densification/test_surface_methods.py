@@ -17,7 +17,7 @@ from orthomill.tasks.densification.gridding import HeightCells, TargetCells, gri
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
 from orthomill.tasks.densification.settings.surface_settings import EstimateGaps, Fusion, Gridding, MeasuredOnly, SpikeFilter
 from orthomill.tasks.densification.spike_filter import spikes, stray
-from orthomill.tasks.densification.surface_grid import height_bounds, pair_bounds, round_cell_size, surface_of
+from orthomill.tasks.densification.surface_grid import GridWish, height_bounds, pair_bounds, round_cell_size, surface_of
 from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window
 from orthomill.tasks.geometry.normal_case import intersect_pair
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -236,12 +236,12 @@ def points_at(*heights: float, x: float = 4200.0) -> GroundPoints:
 
 
 def test_the_grid_holds_what_the_pair_sees():
-    surface = surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(40.0), None)
+    surface = surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(40.0), GridWish())
     grid = surface.grid
     west, south, east, north = pair_bounds(PAIR, 20.0, 60.0)
     assert grid.west <= west < grid.west + grid.cell and grid.north - grid.cell < north <= grid.north
     assert grid.cols * grid.cell >= east - grid.west and grid.rows * grid.cell >= grid.north - south
-    assert grid.cell == 1.0 and surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(), 0.4).grid.cell == 0.4
+    assert grid.cell == 1.0 and surface_of(block(), EpipolarPairs(pairs=(PAIR,)), points_at(), GridWish(0.4)).grid.cell == 0.4
     assert surface.height_low < 20.0 < 60.0 < surface.height_high
     assert height_bounds(EpipolarPairs(pairs=(PAIR,))) == (surface.height_low, surface.height_high)
 
@@ -249,7 +249,9 @@ def test_the_grid_holds_what_the_pair_sees():
 def test_the_cell_is_that_of_most_of_the_surface():
     """Not of the middle between the highest and the lowest that may be: a mast would halve it."""
     pairs, high = EpipolarPairs(pairs=(PAIR,)), block(20.0, 1380.0)
-    fine, coarse = (surface_of(high, pairs, points_at(z, z, 900.0, x=x), None).grid.cell for z, x in ((700.0, 4200.0), (20.0, 1.0)))
+    fine, coarse = (
+        surface_of(high, pairs, points_at(z, z, 900.0, x=x), GridWish()).grid.cell for z, x in ((700.0, 4200.0), (20.0, 1.0))
+    )
     assert (fine, coarse) == (0.25, 1.0)
 
 
@@ -258,13 +260,13 @@ def test_an_area_bounds_the_grid_and_the_points_that_set_its_cell():
     area = (west + 50.0, south - 90.0, west + 150.0, north - 30.0)
     points = points_at(40.0, 700.0, 700.0, x=west + 100.0)
     points.x[1:] = west + 200.0
-    grid = surface_of(block().model_copy(update={"area": area}), pairs, points, None).grid
+    grid = surface_of(block().model_copy(update={"area": area}), pairs, points, GridWish()).grid
     assert grid.cell == 1.0, "higher points beside the area have no part in it"
     assert grid.west == np.floor(west + 50.0) and grid.cols == np.ceil(west + 150.0) - grid.west
     assert grid.north == np.ceil(north - 30.0) and grid.rows == grid.north - np.floor(south)
     beside = block().model_copy(update={"area": (west - 90.0, south, west - 50.0, north)})
     with pytest.raises(GeometryError, match="no ground in the area"):
-        surface_of(beside, pairs, points, None)
+        surface_of(beside, pairs, points, GridWish())
 
 
 def test_parallaxes_of_tilted_pairs_widen_the_heights_no_farther_than_the_block_asks_for():
@@ -279,7 +281,7 @@ def test_cells_have_round_sizes(pixel, cell):
 
 def test_without_pairs_there_is_one_clear_sentence():
     with pytest.raises(GeometryError, match="epipolar report"):
-        surface_of(block(), EpipolarPairs(pairs=()), points_at(), None)
+        surface_of(block(), EpipolarPairs(pairs=()), points_at(), GridWish())
 
 
 def hill_with(radius: float, height: float, side: int = 90) -> tuple[np.ndarray, np.ndarray]:
@@ -312,3 +314,15 @@ def test_support_in_the_wider_circle_against_its_plain_twin():
         expected[row, col] = support < np.ceil(settings.far_support * len(steps))
     found = stray(heights, 1.0, settings)
     assert np.array_equal(found, expected) and 0 < found.sum() < np.isfinite(heights).sum()
+
+
+def test_a_grid_is_the_one_that_is_asked_for():
+    pairs, points = EpipolarPairs(pairs=(PAIR,)), points_at(40.0)
+    seen = surface_of(block(), pairs, points, GridWish()).grid
+    area = (seen.west + 10.25, seen.north - 60.0, seen.west + 50.25, seen.north - 10.0)
+    found = surface_of(block(), pairs, points, GridWish(0.5, (seen.west + 0.25, seen.north), area)).grid
+    assert (found.west, found.north, found.cell) == (area[0], area[3], 0.5) and (found.cols, found.rows) == (80, 100)
+    outside = (seen.west - 100.0, *area[1:])
+    assert surface_of(block(), pairs, points, GridWish(1.0, (0.0, 0.0), outside)).grid.west == np.floor(outside[0])
+    with pytest.raises(GeometryError, match="see no ground in the area that is asked for"):
+        surface_of(block(), pairs, points, GridWish(1.0, (0.0, 0.0), (0.0, 0.0, 10.0, 10.0)))

@@ -12,6 +12,7 @@ from orthomill.schemas.epipolar import PAIRS, GreyRange
 from orthomill.schemas.job import Job
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.stage_contract import NotYet
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, photograph_range, resample_tile
@@ -109,7 +110,7 @@ def test_outside_is_zero_and_inside_never():
 class FakeView:
     """What the stage may ask while it plans."""
 
-    project = SimpleNamespace(tile=128)
+    project = SimpleNamespace(tile=128, grid=MapSurface())
 
     def __init__(self, tables):
         self.tables = tables

@@ -26,6 +26,7 @@ from orthomill.tasks.epipolar.selection import (
     why_not,
 )
 from orthomill.tasks.epipolar.stage import EpipolarStage
+from orthomill.tasks.geometry.epipolar_window import left_pixels
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view
 
@@ -200,3 +201,21 @@ def test_the_views_of_the_block_are_those_of_the_pairs():
         left, right = block_view(block(), pair.left), block_view(block(), pair.right)
         assert np.allclose(pair.left_centre, left.centre) and np.allclose(pair.right_centre, right.centre)
         assert pair.base == pytest.approx(np.linalg.norm(right.centre - left.centre))
+
+
+def test_images_are_cut_to_the_area_that_is_wanted():
+    whole = choose_pairs(block(), PairChoice(), 0.08)
+    low, high = whole.heights
+    ground = np.array([photo.centre for photo in block().photos]).mean(axis=0)
+    area = (ground[0] - 20.0, ground[1] - 20.0, ground[0] + 20.0, ground[1] + 20.0)
+    cut = choose_pairs(block(), PairChoice(), 0.08, area=area)
+    whole_of = {pair.name: pair for pair in whole.pairs}
+    assert cut.pairs and sum(p.rows * p.left_cols for p in cut.pairs) < 0.7 * sum(p.rows * p.left_cols for p in whole.pairs)
+    for pair in cut.pairs:
+        same = whole_of[pair.name]
+        place = np.array([[ground[0], ground[1], 0.5 * (low + high)]])
+        shift = np.array([same.left_col0 - pair.left_col0, same.row0 - pair.row0])
+        assert left_pixels(pair, place) == pytest.approx(left_pixels(same, place) - shift)
+        assert (left_pixels(pair, place) >= 0).all() and (left_pixels(pair, place) < (pair.left_cols, pair.rows)).all()
+    with pytest.raises(GeometryError, match="sees nothing of the area"):
+        choose_pairs(block(), PairChoice(), 0.08, area=(0.0, 0.0, 1.0, 1.0))

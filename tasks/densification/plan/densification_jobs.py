@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Export, Job, Reading
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
@@ -28,7 +30,7 @@ from orthomill.tasks.densification.settings.guided_matching import Guided
 from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, VerticalLineLocus
 from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
-from orthomill.tasks.densification.surface_grid import surface_of, window_cells
+from orthomill.tasks.densification.surface_grid import GridWish, surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
 from orthomill.tasks.densification.volume.levels import VolumeScene
 
@@ -37,9 +39,15 @@ _Plan = Iterator[RasterSpec | Job | Export]
 
 def densification_jobs(asked: DensificationStage, view: ProjectView) -> _Plan:
     """The grid of the surface, then the jobs of the method that is asked for."""
-    cell = None if asked.cell == "auto" else asked.cell
     reads: dict[str, Reading] = {"block": BLOCK, "pairs": PAIRS, "points": GROUND_POINTS}
-    yield Job(stage=asked.kind, item="grid", function=surface_of, reads=reads, writes={"surface": SURFACE}, params={"cell": cell})
+    yield Job(
+        stage=asked.kind,
+        item="grid",
+        function=surface_of,
+        reads=reads,
+        writes={"surface": SURFACE},
+        params={"wish": _wish(asked, view)},
+    )
     surface = view.table(SURFACE)
     if isinstance(asked.matching, VerticalLineLocus):
         yield from _lines(asked, view, surface, asked.matching)
@@ -49,6 +57,20 @@ def densification_jobs(asked: DensificationStage, view: ProjectView) -> _Plan:
         yield from _pairs_alone(asked, view, surface, asked.matching)
     else:
         yield from _object_space(asked, view, surface, asked.matching)
+
+
+def _wish(asked: DensificationStage, view: ProjectView) -> GridWish:
+    """The grid that project and stage ask for. Raises WorkflowError for two cell sizes."""
+    ground = view.project.grid
+    cell = None if asked.cell == "auto" else asked.cell
+    if not isinstance(ground, MapSurface):
+        return GridWish(cell)
+    named = None if ground.cell == "auto" else ground.cell
+    if cell and named and cell != named:
+        raise WorkflowError(
+            f"The grid asks for cells of {named:g} m and the stage densification for {cell:g} m; leave one of the two out."
+        )
+    return GridWish(cell or named, ground.origin, None if ground.area == "auto" else ground.area)
 
 
 def surface_rules(asked: DensificationStage) -> SurfaceRules:

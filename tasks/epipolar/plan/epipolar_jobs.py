@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
 from orthomill.schemas.job import Export, Job, Raster, Reading
 from orthomill.schemas.observations import IMAGE_RESIDUALS
-from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.orientation import BLOCK, Area, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
@@ -23,7 +24,7 @@ from orthomill.tasks.geometry.normal_case import Side, epipolar_shape
 
 def epipolar_jobs(asked: EpipolarStage, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
     """The choice of the pairs and its report; once they are chosen, their images."""
-    yield _pairs_job(asked)
+    yield _pairs_job(asked, view)
     yield Job(
         stage=asked.kind,
         item="report",
@@ -39,16 +40,23 @@ def epipolar_jobs(asked: EpipolarStage, view: ProjectView) -> Iterator[RasterSpe
             yield from _image(asked, pair, side, block, photos, view.project.tile)
 
 
-def _pairs_job(asked: EpipolarStage) -> Job:
+def _pairs_job(asked: EpipolarStage, view: ProjectView) -> Job:
     """The choice of pairs, from the block and what its tie points say of the rows."""
     params = {
         "choice": asked.pairs,
         "height_margin": asked.height_margin,
         "height_room": asked.height_room,
         "level": None if asked.level == "auto" else asked.level,
+        "area": _area(view),
     }
     reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
     return Job(stage=asked.kind, item="pairs", function=measured_pairs, reads=reads, writes={"pairs": PAIRS}, params=params)
+
+
+def _area(view: ProjectView) -> Area | None:
+    """Where on the map the surface is wanted; None: everywhere, or on a plane."""
+    ground = view.project.grid
+    return ground.area if isinstance(ground, MapSurface) and ground.area != "auto" else None
 
 
 def _grey_ranges(asked: EpipolarStage, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:

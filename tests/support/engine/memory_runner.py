@@ -22,6 +22,7 @@ from orthomill.schemas.job import (
     Stream,
     Table,
 )
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -42,7 +43,7 @@ class MemoryProject:
 
     @property
     def project(self):
-        return SimpleNamespace(tile=self.tile, crs="EPSG:2100", project="memory")
+        return SimpleNamespace(tile=self.tile, crs="EPSG:2100", project="memory", grid=MapSurface())
 
     def table(self, table):
         if table.path not in self.tables:
