@@ -29,7 +29,7 @@ from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
 from orthomill.tasks.dsm_check.coverage import CheckedPair, CheckedPairs, choose_checked_pairs
 from orthomill.tasks.dsm_check.nodes import NodeTile, check_nodes
-from orthomill.tasks.dsm_check.plan.check_jobs import nodes_of_check
+from orthomill.tasks.dsm_check.plan.round_plan import Comparing, correction_nodes
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.tile import CheckedCells, CorrectionRule, NodeWindow, correct_tile
 from orthomill.tasks.dsm_check.working_orthoimage import WorkingTile, ortho_tile
@@ -68,7 +68,8 @@ def check(scene: Scene, heights: np.ndarray, stage: DsmCheckStage) -> CheckedCel
     nodes = tuple(_nodes(scene, heights, stage, chosen, pair) for pair in chosen.pairs)
     whole = Window(0, 0, *heights.shape)
     windows = tuple(NodeWindow(p.name, *[_nodes_of(p.window, stage.step)] * 2) for p in chosen.pairs)
-    nodes_of_cells, size = nodes_of_check(stage, chosen.pixels_per_cell), block_size(heights.shape)
+    how = Comparing(stage.matching, stage.correction, stage.step, stage.radius * stage.step)
+    nodes_of_cells, size = correction_nodes(how, chosen.pixels_per_cell), block_size(heights.shape)
     rule = CorrectionRule(stage.apply, stage.significance, nodes_of_cells, size, chosen.pixel_height)
     return correct_tile(whole, windows, rule, heights, nodes)
 

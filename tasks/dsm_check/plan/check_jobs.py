@@ -20,7 +20,6 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.dsm_check.areas import block_size
-from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, choose_checked_pairs
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.plan.answer import answer_job
@@ -29,7 +28,7 @@ from orthomill.tasks.dsm_check.plan.coarse_passes import level_pairs, second_sur
 from orthomill.tasks.dsm_check.plan.first_pass import first_pass
 from orthomill.tasks.dsm_check.plan.later_passes import later_pass
 from orthomill.tasks.dsm_check.plan.passes import Passes
-from orthomill.tasks.dsm_check.plan.round_plan import CheckScene, Comparing, Reads, correction_nodes
+from orthomill.tasks.dsm_check.plan.round_plan import CheckScene, Comparing, Reads
 from orthomill.tasks.dsm_check.plan.surface_under_test import (
     INPUT,
     PlacedSurface,
@@ -145,8 +144,3 @@ def _several(
         writes = answer_writes(tile, block_size(passes.surface.grid.shape))
         yield answer_job(passes, tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
     yield report_job(asked, passes, reads, params)
-
-
-def nodes_of_check(asked: DsmCheckStage, pixels_per_cell: int) -> CorrectionNodes:
-    """The grid of nodes on orthoimages of so many pixels along a cell, and how far they reach."""
-    return correction_nodes(Comparing(asked.matching, asked.correction, asked.step, asked.radius * asked.step), pixels_per_cell)

@@ -1,4 +1,10 @@
-"""The settings by which heights are sought on vertical lines, and from which correlation on they count as found."""
+"""How heights are sought on a vertical line: equal steps to both sides of the start, halved until they are below what is required;
+and from which correlation on they count as found.
+
+Every choice that the publication leaves open is a setting.
+
+Source: Tumska, Procyk, Janczak (sources/line_locus.md#v1).
+"""
 
 from math import ceil, floor, log2
 from typing import Annotated, Literal, Self
