@@ -15,6 +15,8 @@ from orthomill.tasks.tie_points.search_settings import CorrelationSearch
 
 SHAPE = (CAMERA.height, CAMERA.width)
 SEARCH = CorrelationSearch(kind="correlation", points=HarrisPoints(min_strength=100.0), correlation=TemplateCorrelation(search=101))
+FEW = 250
+"""points of a photograph: every one is sought in the whole search window of the other, there and back"""
 ANGLES = ((0.01, -0.015, 0.02), (-0.015, 0.01, -0.02))
 
 
@@ -55,7 +57,7 @@ def test_points_do_not_depend_on_tiles(pair):
 
 def test_matches_are_homologous(pair):
     views, pixels = pair
-    features = [points_of(one, 512) for one in pixels]
+    features = [points_of(one, 512, FEW) for one in pixels]
     result = correlate_pair(tuple(features), tuple(pixels), cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
     matches, summary = result
     assert summary.accepted and len(matches) > 60
@@ -69,7 +71,7 @@ def test_matches_are_homologous(pair):
 
 def test_a_pair_without_common_ground_is_not_accepted(pair):
     stranger = photograph(pair[0][0], texture(seed=9))
-    features = [points_of(one, 512) for one in (pair[1][0], stranger)]
+    features = [points_of(one, 512, FEW) for one in (pair[1][0], stranger)]
     result = correlate_pair(tuple(features), (pair[1][0], stranger), cameras(), NAMES[:2], (0, 0), PairRules(0.8, 1.5), SEARCH)
     assert not result.summary.accepted and len(result.matches) == 0
 
