@@ -28,12 +28,10 @@ from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.export.reference_systems import geotiff_wkt, plan_in_file, with_system
-from orthomill.pipeline.export.vectors.area_outlines import area_layer
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, line_features
-from orthomill.pipeline.export.viewer.viewer_page import write_viewer
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -328,6 +326,9 @@ def _write_geojson(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
+    # matplotlib, which no other export needs.
+    from orthomill.pipeline.export.viewer.viewer_page import write_viewer
+
     page, *lines = (store.table(table) for table in export.tables)
     if not isinstance(page, MapPage):
         raise StoreError(f"{export.path} is a map, which needs a page as its first table.")
@@ -336,6 +337,8 @@ def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _write_areas(export: Export, store: ReadableStore, path: Path) -> None:
+    from orthomill.pipeline.export.vectors.area_outlines import area_layer
+
     codes = export.rasters.get("codes")
     if codes is None:
         raise StoreError(f'{export.path} is made of areas and needs a raster called "codes".')
