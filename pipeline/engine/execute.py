@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,6 +56,8 @@ class JobOrder:
     reason: str
     run: str = ""
     """identifier of the run that asks for it"""
+    wave: int = 1
+    """number of this run"""
 
 
 class Started(NamedTuple):
@@ -84,9 +87,9 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
 
     `dependencies` are the results of the jobs before it: keys, never data.
     """
-    records = Records(work.folder)
+    records = _records(work.folder, work.wave, work.run)
     # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
-    before = records.get(work.job.key)
+    before = records.afresh(work.job.key)
     if _is_done(work, before):
         return work.job.key
     attempt = _attempt(work, before)
@@ -102,6 +105,12 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     _put(records, _record(work, "done", started, attempt=attempt, births=left.births, files=left.files))
     give_back()
     return work.job.key
+
+
+@lru_cache(maxsize=1)
+def _records(folder: Path, wave: int, run: str) -> Records:
+    """The records of a run, kept from job to job: of the logs of other workers only what is new need be read."""
+    return Records(folder, wave)
 
 
 def _sentence(error: Exception) -> str:

@@ -137,9 +137,11 @@ def run_workflow(
         if session.pending:
             # Only now: the lock is held, so no live process can own a temporary file, and a run without work touches nothing.
             session.store.sweep()
+            session.records.fold()
             write_facts(session.folder, _so_far(facts, session))
             with flushing(session.folder), _facts_survive(session, facts):
                 facts = replace(facts, scheduler=_run(session, options, watch, announce))
+            session.records.fold()
             # Of this run as well: a worker may have been killed in the middle of an export, which another one then made.
             sweep_products(session.folder)
         if session.defects:

@@ -192,7 +192,8 @@ class Session:
             stop_if_asked()
             # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
-            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, self.reasons[planned.key], self.mark)
+            reason, wave = self.reasons[planned.key], self.records.begin()
+            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, reason, self.mark, wave)
             runner.submit(work, planned.dependencies, planned.memory)
         self.pending.clear()
 
@@ -226,7 +227,7 @@ class Session:
         else:
             self.blocked.add(finished.key)
         # What was never tried may have a record of an earlier run.
-        watcher.finished(finished, self.records.get(finished.key) if finished.status != "blocked" else None)
+        watcher.finished(finished, self.records.afresh(finished.key) if finished.status != "blocked" else None)
 
     def _suspect_inputs(self, key: Key) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""

@@ -1,7 +1,9 @@
-"""What is done: one small file per job under jobs/, with its fingerprints, the reason why it ran, and its time and memory.
+"""What is done: a record of every job, with its fingerprints, the reason why it ran, and its time and memory.
 
-A record is written after the job's results and removed before they are touched again, so that a run killed at any moment
-leaves no record of unfinished work.
+Every process that does jobs appends its records to a file of its own, `jobs/STAGE/WAVE-PROCESS.log`; the wave is the number of the
+run. A record is written after the job's results, and taken back before they are touched again, so that a run killed at any moment
+leaves none of unfinished work: what a later wave says of a job counts, within a wave what is done. The files of a stage are folded
+into one, `jobs/STAGE/WAVE.done`, when a run begins and ends. Earlier versions kept a file for each job; it counts as wave 0.
 """
 
 from pathlib import Path
@@ -9,10 +11,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from orthomill.pipeline.storage.file_names import file_name
+from orthomill.pipeline.records.record_files import StageFiles, append, wave_of
+from orthomill.pipeline.records.record_lines import RecordLine, line_of
 from orthomill.pipeline.storage.kept_files import Defect, KeptFile
-from orthomill.pipeline.storage.sealed_json import seal, unsealed
-from orthomill.pipeline.storage.whole_files import write_whole
 
 Key = tuple[str, str, int, int]
 DEFECTS = ("result is missing", "result is damaged")
@@ -70,44 +71,83 @@ class Record(BaseModel):
 
 
 class Records:
-    """The records of one run's folder."""
+    """The records of one run's folder. Those of a stage are read when one is asked for, and are then kept here.
 
-    def __init__(self, folder: Path) -> None:
+    Whoever writes belongs to a `wave`: a worker is told it with its order; who runs a project begins one.
+    """
+
+    def __init__(self, folder: Path, wave: int | None = None) -> None:
         self.folder = Path(folder) / "jobs"
+        self.wave = wave
+        # A worker asks what other workers of its run have done, and nothing else.
+        self._least = wave or 0
+        self._stages: dict[str, StageFiles] = {}
+        self._understood: dict[Key, tuple[RecordLine, Record | None]] = {}
 
-    def path(self, key: Key) -> Path:
-        stage, item, row, col = key
-        return self.folder / stage / f"{file_name(item)}.{row}.{col}.json"
+    def begin(self) -> int:
+        """Begin the wave of a run, unless it has begun; returns its number. Nobody else may run the project."""
+        if self.wave is None:
+            self.wave = 1 + max((wave_of(path.name) for path in self.folder.glob("*/*")), default=0)
+        return self.wave
+
+    def _stage(self, stage: str, afresh: bool = True) -> StageFiles:
+        if stage not in self._stages:
+            self._stages[stage], afresh = StageFiles(self.folder / stage, self._least), True
+        if afresh:
+            self._stages[stage].refresh()
+        return self._stages[stage]
 
     def get(self, key: Key) -> Record | None:
-        """The record of a job, None when there is none that can be read."""
-        record = _read(self.path(key))
+        """The record of a job, None when there is none that can be read. What other processes write is seen by `afresh`."""
+        line = self._stage(key[0], afresh=False).lines.get(key[1:])
+        if line is None or not line.text:
+            return None
+        if key not in self._understood or self._understood[key][0] is not line:
+            self._understood[key] = line, _record_of(line)
+        record = self._understood[key][1]
         # A file that was copied or renamed by hand must not vouch for a job that it does not describe.
         return record if record and record.key == key else None
 
+    def afresh(self, key: Key) -> Record | None:
+        """The record of a job, with what other processes have written by now."""
+        self._stage(key[0])
+        return self.get(key)
+
     def put(self, record: Record) -> None:
-        write_whole(self.path(record.key), seal(record.model_dump_json().encode()))
+        """Raises StoreError."""
+        self._append(record.key, record.status, record.started, record.model_dump_json().encode())
 
     def remove(self, key: Key) -> None:
-        self.path(key).unlink(missing_ok=True)
+        """Take back the record of a job before its results are touched. Raises StoreError."""
+        self._append(key, "removed", 0.0, b"")
+
+    def _append(self, key: Key, status: str, started: float, text: bytes) -> None:
+        append(self.folder / key[0], self.begin(), line_of(key[1:], status, started, text))
+        if key[0] in self._stages:
+            self._stage(key[0])
 
     def of_stage(self, stage: str) -> tuple[Record, ...]:
         """All readable records of a stage, by key."""
-        return tuple(record for path in sorted((self.folder / stage).glob("*.json")) if (record := _read(path)))
+        keys = [(stage, *place) for place in sorted(self._stage(stage).lines)]
+        return tuple(record for key in keys if (record := self.get(key)))
 
     def sort_out(self) -> tuple[tuple[Record, ...], tuple[Path, ...]]:
-        """All records, and the files of records that cannot be read or are not under their own name."""
-        found = {path: _read(path) for path in sorted(self.folder.glob("*/*.json"))}
-        good = {path: record for path, record in found.items() if record and self.path(record.key) == path}
-        return tuple(good.values()), tuple(path for path in found if path not in good)
+        """All records, and the files in which some cannot be read."""
+        stages = sorted(path.name for path in self.folder.glob("*") if path.is_dir())
+        records = tuple(record for stage in stages for record in self.of_stage(stage))
+        return records, tuple(path for stage in stages for path in sorted(self._stages[stage].damaged))
+
+    def fold(self) -> None:
+        """Keep what counts of each stage in one file. Nobody else may run the project. Raises StoreError."""
+        for folder in sorted(path for path in self.folder.glob("*") if path.is_dir()):
+            StageFiles(folder).fold()
 
 
-def _read(path: Path) -> Record | None:
-    """A record; None when there is none, when it is damaged, or when it is of another version: doing a job again is always safe."""
+def _record_of(line: RecordLine) -> Record | None:
+    """A record; None when it is of another version: doing a job again is always safe."""
     try:
-        text = unsealed(path.read_bytes())
-        return None if text is None else Record.model_validate_json(text)
-    except (FileNotFoundError, ValidationError):
+        return Record.model_validate_json(line.text)
+    except ValidationError:
         return None
 
 

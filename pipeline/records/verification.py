@@ -48,9 +48,9 @@ def examine(folder: Path, since: float = 0.0) -> Verification:
         if found:
             damaged |= found
             records.put(record.model_copy(update={"status": "damaged"}))
-    for path in unreadable:
-        path.unlink()
-        damaged[path.relative_to(folder).as_posix()] = "damaged"
+    damaged |= dict.fromkeys((path.relative_to(folder).as_posix() for path in unreadable), "damaged")
+    # What cannot be read is left out, and what it may have hidden is done again.
+    records.fold()
     size = sum(kept.size for record in done for kept in record.files.values())
     return Verification(len(last), size, damaged, tuple(_mended(store)))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from small_site import command, finished_site, make_site, results_of, start_command
+from small_site import command, finished_site, jobs_done, make_site, results_of, start_command
 
 pytestmark = pytest.mark.slow
 
@@ -28,9 +28,8 @@ def undisturbed():
 def started(site: Path, jobs: int = 3):
     """A run on two workers that has done some jobs already and has many still to do."""
     process = start_command(site, "run", "site", "--workers", "2")
-    records = site / "runs" / "site" / "jobs"
     deadline = time.monotonic() + 120
-    while len(list(records.glob("*/*.json"))) < jobs and process.poll() is None and time.monotonic() < deadline:
+    while jobs_done(site) < jobs and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
     assert process.poll() is None, process.communicate()
     return process
@@ -41,8 +40,7 @@ def workers_of(process) -> list[psutil.Process]:
 
 
 def assert_goes_on_to(undisturbed: dict[str, bytes], site: Path) -> None:
-    records = (site / "runs" / "site" / "jobs").glob("*/*.json")
-    kept = sum('"status":"done"' in record.read_text() for record in records)
+    kept = jobs_done(site)
     assert kept
     assert f" {kept} unchanged, 0 failed" in command("run", "site", "--sequential")
     assert results_of(site) == undisturbed

@@ -34,7 +34,7 @@ def test_a_shell_in_which_nothing_can_be_loaded_is_named(site, mib):
 def test_a_shell_in_which_a_job_would_be_killed_is_named_before_anything_runs(site):
     said = limited(site, 3500, "run", "site", "--workers", "1")
     assert "This shell allows a process 3500 MiB of memory (ulimit -v), but with --memory 1500 it may need 3900 MiB" in said
-    assert not list((site / "runs").rglob("jobs/*/*.json"))
+    assert not list((site / "runs").rglob("jobs/*/*"))
 
 
 def test_a_job_that_is_refused_memory_says_so(site, monkeypatch):

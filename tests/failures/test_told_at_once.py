@@ -28,7 +28,7 @@ def control_of(site, *lines: str) -> None:
 
 
 def no_job(site) -> bool:
-    return not list((site / "runs").rglob("jobs/*/*.json"))
+    return not list((site / "runs").rglob("jobs/*/*"))
 
 
 def test_control_in_dropped_photographs_is_a_note_and_in_strict_projects_a_refusal(site):

@@ -14,6 +14,7 @@ from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.cli.doctor import Finding
 from orthomill.pipeline.engine.run_facts import DASHBOARD
 from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.records.records import Records
 from orthomill.schemas.errors import WorkflowError
 
 
@@ -217,7 +218,7 @@ def test_export_of_an_unknown_raster_is_a_sentence(done):
 
 
 def test_clean_removes_a_stage_or_everything_and_nothing_else(done, jobs):
-    of_stage = len(list((done / "runs" / "site" / "jobs" / "orientation").glob("*.json")))
+    of_stage = len(Records(done / "runs" / "site").of_stage("orientation"))
     command("clean", "site", "--stage", "orientation")
     assert counts(command("run", "site", "--sequential")) == (of_stage, jobs - of_stage, 0)
     assert "everything" in command("clean", "site")

@@ -216,7 +216,7 @@ def test_a_run_killed_anywhere_goes_on_and_ends_the_same(tmp_path):
     process = subprocess.Popen([sys.executable, "-c", SLOW_RUN, str(tmp_path / "killed")], env=environment)
     records = tmp_path / "killed" / "runs/toy/jobs/source"
     deadline = time.monotonic() + 60
-    while len(list(records.glob("tile*"))) < 4 and time.monotonic() < deadline:
+    while sum(log.read_bytes().count(b"\tdone\t") for log in records.glob("*.log")) < 4 and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)
     process.wait()

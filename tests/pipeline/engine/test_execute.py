@@ -50,8 +50,8 @@ def wrong(rows: int, cols: int) -> Size:
     return {"other": Size(rows=rows, cols=cols)}
 
 
-def order(root: Path, job: Job | Export, run: str = "") -> JobOrder:
-    return JobOrder(job, root, root / "run", PRINT, "not done yet", run)
+def order(root: Path, job: Job | Export, run: str = "", wave: int = 1) -> JobOrder:
+    return JobOrder(job, root, root / "run", PRINT, "not done yet", run, wave)
 
 
 def size_job(function=make_size) -> Job:
@@ -154,7 +154,7 @@ def test_a_job_that_this_run_has_done_is_not_done_again(tmp_path):
 def test_a_job_that_fails_now_leaves_no_record_of_its_earlier_success(tmp_path):
     execute(order(tmp_path, size_job()))
     with pytest.raises(JobFailed):
-        execute(order(tmp_path, size_job(refuse)))
+        execute(order(tmp_path, size_job(refuse), wave=2))
     assert Records(tmp_path / "run").get(KEY).status == "failed"
 
 

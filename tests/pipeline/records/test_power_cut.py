@@ -26,19 +26,23 @@ class Disk:
         monkeypatch.setattr(os, "sync", self._sync)
 
     def _sync(self):
-        self._forced = {path: path.stat().st_mtime_ns for path in self._folder.rglob("*") if path.is_file()}
+        self._forced = {path: path.stat() for path in self._folder.rglob("*") if path.is_file()}
 
     def cut(self, chance):
         """Of what was not forced to the disk, some is gone, some has its length but zeros, some is shorter, some is there."""
         for path in [path for path in self._folder.rglob("*") if path.is_file()]:
-            status = path.stat()
-            if self._forced.get(path) == status.st_mtime_ns:
+            status, forced = path.stat(), self._forced.get(path)
+            if forced and forced.st_mtime_ns == status.st_mtime_ns:
                 continue
+            # To what was forced something may have been appended since; a file that was replaced is another one.
+            kept = forced.st_size if forced and forced.st_ino == status.st_ino else 0
             how = chance.choice(("gone", "zeros", "short", "whole"))
-            if how == "gone":
+            if how == "gone" and not kept:
                 path.unlink()
             elif how != "whole":
-                path.write_bytes(bytes(status.st_size) if how == "zeros" else path.read_bytes()[: status.st_size // 2])
+                old, new = path.read_bytes()[:kept], path.read_bytes()[kept:]
+                left = {"zeros": bytes(len(new)), "short": new[: len(new) // 2], "gone": b""}
+                path.write_bytes(old + left[how])
                 os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 

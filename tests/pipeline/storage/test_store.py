@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.pipeline.records.records import Fingerprint, Record, Records, reason_to_run
+from orthomill.pipeline.records.records import Fingerprint, Record, reason_to_run
 from orthomill.pipeline.storage.store import Store, aligned
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
@@ -130,14 +130,6 @@ def test_columns_of_different_length_cannot_be_built():
 def record_of(**more) -> Record:
     fingerprint = Fingerprint(settings="a", code="b", inputs="c")
     return Record(stage="s", item="i/j", row=0, col=1, status="done", fingerprint=fingerprint, reason="", **more)
-
-
-def test_records_come_back_and_broken_ones_do_not_count(tmp_path):
-    records = Records(tmp_path)
-    records.put(record_of())
-    assert records.get(("s", "i/j", 0, 1)) == record_of() and len(records.of_stage("s")) == 1
-    records.path(("s", "i/j", 0, 1)).write_text('{"stage": "s"')
-    assert records.get(("s", "i/j", 0, 1)) is None and records.of_stage("s") == ()
 
 
 @pytest.mark.parametrize(

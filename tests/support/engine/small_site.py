@@ -16,6 +16,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands.application import app
+from orthomill.pipeline.records.records import Records
 
 SHIPPED = Path(__file__).parents[3] / "workflows" / "photographs" / "brighton"
 WORKFLOW = {
@@ -110,6 +111,12 @@ def finished_site() -> tuple[Path, str]:
 def copy_of_finished_site(target: Path) -> Path:
     """A copy that a test may change; running it again finds everything unchanged."""
     return Path(shutil.copytree(finished_site()[0], target))
+
+
+def jobs_done(root: Path, project: str = "site") -> int:
+    """How many jobs of a run have a record that says they are done."""
+    records, _ = Records(root / "runs" / project).sort_out()
+    return sum(record.status == "done" for record in records)
 
 
 def results_of(root: Path, project: str = "site") -> dict[str, bytes]:
