@@ -19,7 +19,7 @@ LOOKED = 10.0
 """seconds after which it is looked again what the workers do"""
 TOLD = 30.0
 """seconds without anybody at work after which that is said"""
-DESERTED = 300.0
+DESERTED = 600.0
 """seconds without anybody at work after which the run is given up; on an overloaded machine a new worker takes minutes to start"""
 NOBODY = "tcp://0.0.0.0:1"
 """address of no worker: a job that no worker has the memory for waits, and is handed out again when one has joined"""

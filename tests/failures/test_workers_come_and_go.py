@@ -155,4 +155,4 @@ def test_among_several_workers_those_that_may_do_no_job_are_named_before_the_fir
 def test_a_cluster_may_get_its_workers_later(terms):
     said = []
     Workforce(Mustered(), said.append).muster(terms)
-    assert said == ["The cluster has no workers yet; this run waits 5 minutes for those that join."]
+    assert said == ["The cluster has no workers yet; this run waits 10 minutes for those that join."]
