@@ -81,13 +81,13 @@ def test_the_correlation_of_errors_is_found_in_smooth_ground():
     rows, cols = np.indices((96, 96)) / 96
     windows = [3 * rows + cols**2 + noise((96, 96), 0.05) for _ in range(8)]
     products = [window_products(w, np.full(w.shape, 0.05), np.ones(w.shape, bool)) for w in windows]
-    found = correlation_from(products)
+    found = correlation_from(products, 96)
     assert found.windows == 8
     for distance, value in zip(found.distances[:6], found.values, strict=False):
         assert value == pytest.approx(np.exp(-(distance**2) / (4 * SMOOTH**2)), abs=0.12)
     edge = np.where(cols > 0.5, 5.0, 0.0) + noise((96, 96))
     assert window_products(edge, np.full(edge.shape, 0.05), np.ones(edge.shape, bool)) is None
-    assert correlation_from([]).windows == 0
+    assert correlation_from([], 96).windows == 0
 
 
 GRID = MapGrid(west=1000.0, north=2000.0, cell=0.5, rows=200, cols=300)

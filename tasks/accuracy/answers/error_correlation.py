@@ -2,7 +2,8 @@
 
 Windows of ground that is one smooth sheet are freed from a quadratic surface; what remains is noise of the matching (and the
 ground's own unevenness, which makes answers a little less sure than they are, never surer). The mean of its products by distance
-is the correlation. Where a block shows no such ground, the one measured on the simulated town of volos is assumed, and said so.
+is the correlation. The quadratic surface takes away what is long: the correlation is nowhere taken as less than the one that was measured
+against the truth on the simulated town of volos, which is assumed where a block shows no such ground.
 """
 
 from dataclasses import dataclass
@@ -13,12 +14,12 @@ DISTANCES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 """cells"""
 ASSUMED = (1.0, 0.97, 0.89, 0.80, 0.69, 0.46, 0.27, 0.08, 0.06, 0.06, 0.04, 0.0)
 """of the errors of the open ground of volos, 3.9 million measured cells against the truth"""
-SIDE = 96
-"""cells along a window"""
+SIDES = (96, 48)
+"""cells along a window: the larger ones first, and the smaller where the ground is too hilly for those"""
 LEAST = 4
 """windows from which a correlation is estimated"""
-_ROUGH = 4.0
-"""stated standard errors up to which the residuals of a smooth window spread"""
+_ROUGH = 1.25
+"""stated standard errors up to which the residuals of a smooth window spread: beyond, the ground's own relief is most of them"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def kernel_of(correlation: ErrorCorrelation) -> np.ndarray:
 
 
 def window_products(height: np.ndarray, sigma: np.ndarray, measured: np.ndarray) -> np.ndarray | None:
-    """Mean products of normalised residuals by DISTANCES, from one window (SIDE, SIDE) m; None where it is no smooth ground.
+    """Mean products of normalised residuals by DISTANCES, from one window (n, n) m; None where it is no smooth ground.
 
     measured: bool, heights that photographs measured.
     """
@@ -78,12 +79,14 @@ def _by_distance(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def correlation_from(products: list[np.ndarray]) -> ErrorCorrelation:
-    """The correlation of a block from the products of its windows; the assumed one where there are fewer than LEAST."""
+def correlation_from(products: list[np.ndarray], side: int) -> ErrorCorrelation:
+    """The correlation of a block from the products of windows of `side` cells; the assumed one from fewer than LEAST."""
     if len(products) < LEAST:
         return ErrorCorrelation()
     middle = np.median([one / one[0] for one in products], axis=0)
-    # Never rising and never negative: what a window's quadratic surface has taken away shows as negative products far off.
+    # Never rising; far off, and from a third of a window on, its quadratic surface has taken away what there was.
     values = np.minimum.accumulate(np.clip(middle, 0.0, 1.0))
-    values[-1] = 0.0
+    values[np.array(DISTANCES) > side / 3] = 0.0
+    # What was taken away would make answers too sure: nowhere less than where the truth is known.
+    values = np.maximum(values, ASSUMED)
     return ErrorCorrelation(DISTANCES, tuple(map(float, values)), len(products))

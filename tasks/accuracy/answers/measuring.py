@@ -17,12 +17,12 @@ from orthomill.schemas.accuracy.surface_answers import (
 )
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.accuracy.answers.error_correlation import SIDE, ErrorCorrelation, correlation_from, window_products
+from orthomill.tasks.accuracy.answers.error_correlation import LEAST, SIDES, ErrorCorrelation, correlation_from, window_products
 from orthomill.tasks.accuracy.answers.line_answers import line_answer, profile_places, spot_height
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
 from orthomill.tasks.accuracy.answers.polygon_volumes import VolumeAnswer, area_of, inside_share, volume_of
 
-WINDOWS = 64
+WINDOWS = 196
 """windows, spread over the surface, in which smooth ground is looked for"""
 MOST_CELLS = 40_000_000
 """cells around one feature that are held in memory"""
@@ -48,26 +48,32 @@ def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: 
 
 def surface_correlation(surface: MeasuredSource) -> ErrorCorrelation:
     """How errors of neighbouring heights of a surface are correlated, from its own smooth ground."""
-    grid, found = surface.grid, []
+    for side in SIDES:
+        found = list(_smooth_windows(surface, side))
+        if len(found) >= LEAST:
+            return correlation_from(found, side)
+    return ErrorCorrelation()
+
+
+def _smooth_windows(surface: MeasuredSource, side: int) -> Iterator[np.ndarray]:
+    """Products of the smooth ones among some WINDOWS windows, spread over the surface."""
+    grid = surface.grid
     across = max(1, math.isqrt(WINDOWS * grid.cols // max(grid.rows, 1)))
-    for i in range(max(1, WINDOWS // across)):
+    down = max(1, WINDOWS // across)
+    for i in range(down if min(grid.rows, grid.cols) >= side else 0):
         for j in range(across):
-            row = i * max(grid.rows - SIDE, 0) // max(WINDOWS // across - 1, 1)
-            col = j * max(grid.cols - SIDE, 0) // max(across - 1, 1)
-            if row + SIDE > grid.rows or col + SIDE > grid.cols:
-                continue
-            cut = surface.read(Window(row, col, SIDE, SIDE))
+            row, col = i * (grid.rows - side) // max(down - 1, 1), j * (grid.cols - side) // max(across - 1, 1)
+            cut = surface.read(Window(row, col, side, side))
             products = window_products(cut.height, cut.relative, cut.measured)
             if products is not None:
-                found.append(products)
-    return correlation_from(found)
+                yield products
 
 
 def correlation_words(correlation: ErrorCorrelation) -> str:
     """Where the correlation comes from, in a sentence."""
     cells = f"{correlation.cells:.0f} cells count as one observation"
     if correlation.windows:
-        known = f"as in {correlation.windows} windows of smooth ground of this surface"
+        known = f"as in {correlation.windows} windows of smooth ground of this surface, and no less than on a simulated town"
     else:
         known = "as on a simulated town, for this surface has too little smooth ground to tell"
     return f"Errors of neighbouring heights are taken as correlated {known}: {cells}."
