@@ -2,8 +2,8 @@
 
 Windows of ground that is one smooth sheet are freed from a quadratic surface; what remains is noise of the matching (and the
 ground's own unevenness, which makes answers a little less sure than they are, never surer). The mean of its products by distance
-is the correlation. The quadratic surface takes away what is long: the correlation is nowhere taken as less than the one that was measured
-against the truth on the simulated town of volos, which is assumed where a block shows no such ground.
+is the correlation. The quadratic surface takes away what is long: the correlation is nowhere taken as less than the one that was
+measured against the truth on the simulated town of volos, which is assumed where a block shows no such ground.
 """
 
 from dataclasses import dataclass
