@@ -107,12 +107,13 @@ def ground_of_tile(blocks: np.ndarray, window: Window, core: Window, rules: Terr
 
 
 def hide_in_tile(
-    blocks: np.ndarray, ground: np.ndarray, moved: np.ndarray, window: Window, core: Window, rules: TerrainRules
+    blocks: np.ndarray, ground: np.ndarray, window: Window, core: Window, rules: TerrainRules, moved: np.ndarray | None = None
 ) -> HiddenGround:
     """What hiding ground tells in the blocks `core`; blocks and ground codes cover `window`, `moved` the same one some blocks away,
-    whose part outside the raster is missing."""
+    whose part outside the raster is missing: there nothing is hidden."""
     pattern = np.full(ground.shape, True)
-    pattern[: moved.shape[0], : moved.shape[1]] = moved == ANCHOR
+    if moved is not None:
+        pattern[: moved.shape[0], : moved.shape[1]] = moved == ANCHOR
     return hidden_ground(blocks[..., 0], ground == ANCHOR, pattern, core.within(window).slices, rules.far)
 
 

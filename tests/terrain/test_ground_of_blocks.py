@@ -5,7 +5,7 @@ import pytest
 from hilly_ground import HOUSE, KNOLL, TREES, bare_land, model
 
 from orthomill.schemas.surface import MEASURED
-from orthomill.tasks.terrain.ground.block_heights import any_of_block, block_heights
+from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.continued_ground import continued
 from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells
 
@@ -54,7 +54,6 @@ def test_a_block_needs_an_eighth_of_its_cells_and_the_last_one_may_be_smaller():
     assert np.isnan(blocks).all()
     few[4, 5] = True
     assert np.isfinite(block_heights(heights, ones, ones, few, 4, 0.5)[1, 1]).all()
-    assert any_of_block(few, 4).tolist() == [[True, False], [False, True]]
 
 
 def test_blocks_of_one_cell_are_the_cells():

@@ -42,11 +42,6 @@ def block_heights(
     return np.stack(means, axis=-1).astype(np.float32)
 
 
-def any_of_block(mask: np.ndarray, factor: int) -> np.ndarray:
-    """Whether the mask (rows, cols) bool holds anywhere in a block."""
-    return mask if factor == 1 else np.nansum(_blocks(mask.astype(np.float32), factor), axis=-1) > 0
-
-
 def _blocks(values: np.ndarray, factor: int) -> np.ndarray:
     """(block rows, block cols, factor * factor) float64, NaN beyond the border."""
     rows, cols = (-(-side // factor) for side in values.shape)

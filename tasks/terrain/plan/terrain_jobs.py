@@ -173,7 +173,8 @@ class TerrainJobs:
         window = core.grown(self.rules.far).clipped(self.coarse.shape)
         moved = Window(window.row + shift, window.col + shift, window.height, window.width).clipped(self.coarse.shape)
         reads: dict[str, Reading] = {"blocks": Raster(BLOCKS, window), "ground": Raster(GROUND, window)}
-        reads["moved"] = Raster(GROUND, moved if not moved.empty else Window(0, 0, 1, 1))
+        if not moved.empty:
+            reads["moved"] = Raster(GROUND, moved)
         params = {"window": window, "core": core, "rules": self.rules}
         scratch = 40 * window.cells
         return self._job(tile, "hidden", hide_in_tile, reads, {"hidden": _hidden_table(tile)}, params, scratch)
