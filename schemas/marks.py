@@ -146,3 +146,15 @@ class FoundTarget:
     radius: float
     score: float
     name: str = ""
+
+
+@dataclass(frozen=True)
+class NextPoint:
+    """A place worth surveying, m in the project's system: in how many photographs it is seen, and the largest standard error on the
+    ground without and with it, m."""
+
+    role: Literal["control", "check"]
+    xyz: tuple[float, float, float]
+    photographs: int
+    before: float
+    after: float

@@ -96,7 +96,7 @@ class MarkSolution:
     @cached_property
     def open(self) -> np.ndarray:
         """(2M, 3F) the derivatives by coordinates that are not known."""
-        return self.B[:, self._open_points].reshape(len(self.w), -1)
+        return self.B[:, self._open_points].reshape(len(self.w), 3 * len(self._open_points))
 
     @cached_property
     def _open_points(self) -> np.ndarray:
@@ -219,7 +219,7 @@ def _derivatives(belief: Belief, state: State, rays: Rays) -> tuple[csr_array, n
     jg, jp = derivatives(state, rays, network.camera_of, network.estimated)
     row, columns = ray_columns(network, rays)
     own = np.repeat(columns[row], 2, axis=0)
-    values = jg.reshape(len(own), -1)
+    values = jg.reshape(len(own), jg.shape[2])
     line, at = np.nonzero(own >= 0)
     return csr_array((values[line, at], (line, own[line, at])), shape=(len(own), network.unknowns)), jp
 
@@ -285,3 +285,19 @@ def _missed(belief: Belief, rays: Rays, own: np.ndarray, place: np.ndarray) -> n
     """(m, 2) px by which rays miss a place (3,)."""
     state = replace(belief.state, point=place[None])
     return residuals(state, replace(rays.take(own), point=np.zeros(len(own), np.int32)), belief.network.camera_of)
+
+
+def pushed_intersection(
+    belief: Belief, place: np.ndarray, photos: np.ndarray, sigma: float
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """How the intersection of the rays of `photos` (m,) at a place (3,) m, local, follows the unknowns of the block: (3, n), and
+    its covariance (3, 3) m^2 by marks with the standard error `sigma`, px; None where the rays are nearly parallel."""
+    m = len(photos)
+    state = replace(belief.state, point=place[None])
+    J, by_point = _derivatives(belief, state, Rays(np.zeros(m, np.int32), photos.astype(np.int32), np.zeros((m, 2)), np.ones(m)))
+    B = by_point.reshape(2 * m, 3)
+    normal = B.T @ B
+    if np.linalg.cond(normal) > 1e10:
+        return None
+    inverse = np.linalg.inv(normal)
+    return -inverse @ (J.T @ B).T, sigma**2 * inverse

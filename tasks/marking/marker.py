@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from orthomill.schemas.camera import Cameras
-from orthomill.schemas.marks import ExpectedSight, MarkJudgement, MarkProposal, Marks
+from orthomill.schemas.marks import ExpectedSight, MarkJudgement, MarkProposal, Marks, NextPoint
 from orthomill.schemas.observations import GroundPoints, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
@@ -15,6 +15,7 @@ from orthomill.tasks.marking.belief import Belief, block_belief, stored_belief, 
 from orthomill.tasks.marking.expected_targets import TargetsOf, local_targets, target_proposals
 from orthomill.tasks.marking.judging import judged, point_place, sights
 from orthomill.tasks.marking.matched_places import SharedFeatures, shared_features, transferred
+from orthomill.tasks.marking.next_points import next_points
 from orthomill.tasks.marking.proposals import ReadGrey, proposals
 
 
@@ -65,6 +66,10 @@ class Marker:
             if not one.refused or one.photo not in found:
                 found[one.photo] = one
         return tuple(found.values())
+
+    def next_points(self, marks: Marks) -> tuple[NextPoint, ...]:
+        """Where another control or check point would help most; empty before the photographs are oriented."""
+        return next_points(self.belief, marks) if self.oriented else ()
 
     def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
         """The marks with those that need nobody: coded targets by their names, targets and matches where points are expected, and

@@ -109,6 +109,16 @@ def test_one_mark_without_coordinates_looks_along_its_ray():
         assert away @ np.linalg.solve(found[photo].covariance + np.eye(2), away) < 20
 
 
+def test_coordinates_alone_say_where_to_look():
+    point = simulated_marks(BLOCK, 6, points=1, most=6).points[0]
+    bare = point.model_copy(update={"marks": {}})
+    found = {sight.photo: sight for sight in sights(BLOCK.belief, Marks(points=(bare,)), point.name)}
+    assert set(point.marks) <= set(found)
+    assert all(
+        np.hypot(mark.col - found[photo].place[0], mark.row - found[photo].place[1]) < 30 for photo, mark in point.marks.items()
+    )
+
+
 def test_a_point_that_nothing_places_is_nowhere():
     nothing = MarkedPoint(name="new", role="tie")
     assert sights(BLOCK.belief, Marks(points=(nothing,)), "new") == ()

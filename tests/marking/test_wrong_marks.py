@@ -44,6 +44,14 @@ def test_wrong_coordinates_are_not_blamed_on_a_mark():
     assert [(one.point, one.photo) for one in wrong] == [(moved.name, None)]
 
 
+def test_the_only_mark_there_is_may_be_wrong():
+    point = simulated_marks(BLOCK, 9, points=1).points[0].model_copy(update={"role": "control"})
+    photo, mark = next(iter(point.marks.items()))
+    only = point.model_copy(update={"marks": {photo: mark.model_copy(update={"col": 5.0, "row": 6.0})}})
+    found = judged(BLOCK.belief, Marks(points=(only,)))
+    assert [one.point for one in found.wrong] == [point.name]
+
+
 def test_a_check_point_never_moves_the_block():
     marks = simulated_marks(BLOCK, 10, points=4)
     x, y, z = marks.points[2].xyz

@@ -20,6 +20,7 @@ def mark(
     points: Annotated[Path | None, typer.Option(help="Points to be marked: CSV, GeoPackage, or a surveyor's list.")] = None,
     crs: Annotated[str | None, typer.Option(help="Their reference system, where neither the file's nor the project's.")] = None,
     auto: Annotated[bool, typer.Option("--auto", help="Mark what needs nobody (targets, matches), without the page.")] = False,
+    where: Annotated[bool, typer.Option("--where", help="Say where another point would help most, for the field.")] = False,
     port: Annotated[int, typer.Option(help="Port of 127.0.0.1; 0: a free one.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     debug: Debug = False,
@@ -34,9 +35,11 @@ def mark(
     with plain_errors(debug):
         loaded = load_project(name)
         known = Marking(marker_of, given_points, marks_of)
-        if auto:
+        if auto or where:
             with marking_session(loaded, known, points, crs) as session:
-                for line in marked_automatically(session, targets_in):
+                for line in marked_automatically(session, targets_in) if auto else ():
+                    out.print(escape(line), soft_wrap=True)
+                for line in session.next_points() if where else ():
                     out.print(escape(line), soft_wrap=True)
             return
         with marking_session(loaded, known, points, crs) as session, served(mark_routes(session), "marks", port) as address:

@@ -77,7 +77,7 @@ class MarkLedger:
     height). Raises StoreError for a ledger that cannot be read."""
 
     def __init__(self, folder: Path, crs: str, sizes: Mapping[str, tuple[int, int]]) -> None:
-        self.folder, self._crs, self._sizes = folder, crs, sizes
+        self.folder, self.crs, self._sizes = folder, crs, sizes
         self._lock = Lock()
         self.marks = _read(folder / LEDGER)
         self.revision = 1
@@ -111,7 +111,7 @@ class MarkLedger:
         self.marks = marks
         self.revision += 1
         # Derived files last: they are written again from the ledger whenever something changes.
-        for name, text in mark_files(marks, self._crs).items():
+        for name, text in mark_files(marks, self.crs).items():
             _write_through(self.folder / name, text)
 
     def _marked(self, change: MarkChange) -> Marks | None:

@@ -80,6 +80,11 @@ class _Proposals(_Asked):
         self.tell(await self.answered(self.session.proposals, self.get_query_argument("point", "")))
 
 
+class _NextPoints(_Asked):
+    async def post(self) -> None:
+        self.tell(await self.answered(self.session.next_points))
+
+
 class _ChangeMade(_Asked):
     async def post(self) -> None:
         # A form of another site can send text, but not this type without being asked first.
@@ -119,6 +124,7 @@ def mark_routes(session: MarkingSession) -> list[tuple[str, type[RequestHandler]
         (r".*/state\.json", _State, asked),
         (r".*/sights\.json", _Sights, asked),
         (r".*/proposals\.json", _Proposals, asked),
+        (r".*/next", _NextPoints, asked),
         (r".*/change", _ChangeMade, asked),
         (r".*/crop\.jpg", _Crop, asked),
     ]

@@ -8,10 +8,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from orthomill.pipeline.serving.marking.field_files import GEOJSON, GPX, next_point_files, next_sentence
 from orthomill.pipeline.serving.marking.mark_ledger import Change, MarkLedger
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
+from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import OrthomillError
-from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkJudgement, MarkProposal, Marks
+from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkJudgement, MarkProposal, Marks, NextPoint
 from orthomill.schemas.raster import Window
 
 ReadGrey = Callable[[str, Window], np.ndarray]
@@ -26,6 +28,7 @@ class KnowsTheBlock(Protocol):
     def judged(self, marks: Marks) -> MarkJudgement: ...
     def sights(self, marks: Marks, point: str) -> Sequence[ExpectedSight]: ...
     def proposals(self, marks: Marks, name: str, read: ReadGrey) -> Sequence[MarkProposal]: ...
+    def next_points(self, marks: Marks) -> Sequence[NextPoint]: ...
     def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks: ...
 
 
@@ -78,6 +81,19 @@ class MarkingSession:
         """Mark what needs nobody, and keep it; `targets_of`: the targets of a photograph, by its name."""
         self.ledger.replace(self._block.automatic(self.ledger.marks, self.crops.grey, targets_of))
         return self.ledger.marks
+
+    def next_points(self) -> list[str]:
+        """Where to survey next, as sentences; kept beside the marks as GeoJSON and GPX where there are any."""
+        found = self._block.next_points(self.ledger.marks)
+        if not found:
+            return [
+                f"Where another point helps most is known once the block is oriented: orthomill run {self.project} --until "
+                f"orientation"
+            ]
+        for name, text in next_point_files(found, self.ledger.crs).items():
+            write_whole(self.ledger.folder / name, text.encode())
+        kept = f"{self.ledger.folder / GEOJSON} and {GPX} have these places for the field."
+        return [*map(next_sentence, found), kept]
 
     def _judgement(self, revision: int, marks: Marks) -> dict[str, Any]:
         # One after the other: all pages get the same answer, computed once.
