@@ -100,7 +100,7 @@ def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, co
     reached = f"it meets the class for {good_for}" if good_for else "it meets no mapping class (3 pixels)"
     expected = f", {found.by_predicted:.1f} times what the adjustment predicts" if contradicted else ""
     return (
-        f"Accuracy at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}; with "
+        f"The block at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}; with "
         f"{largest:.1f} ground pixels {reached}{formal}."
     )
 
