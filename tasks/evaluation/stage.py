@@ -19,11 +19,14 @@ class TruthReference(Settings):
 
 
 class FileReference(Settings):
-    """Georeferenced raster files from another source; they are taken to be free of error."""
+    """Georeferenced raster files from another source."""
 
     kind: Literal["file"]
     dsm: ProjectMap | None = setting(None, "Raster file with heights, relative to the project's root.")
     ortho: ProjectMap | None = setting(None, "RGB raster file, relative to the project's root.")
+    sigma: float = setting(
+        0.0, "Standard error of the reference's heights: shares within standard errors are those of the differences.", "m", ge=0
+    )
 
 
 class NoReference(Settings):

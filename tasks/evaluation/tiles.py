@@ -150,17 +150,18 @@ def _datum_on(grid: MapGrid, core: Window, block: Block, truth: Block) -> np.nda
 
 
 def heights_against_file(
-    height: np.ndarray, precision: np.ndarray, provenance: np.ndarray, reference: np.ndarray, cell: float
+    height: np.ndarray, precision: np.ndarray, provenance: np.ndarray, reference: np.ndarray, cell: float, sigma: float = 0.0
 ) -> HeightComparison:
-    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none; all cells are of one
-    class."""
+    """As `heights_against_truth`, with a reference (rows, cols) m on the same cells, NaN where it has none, and its standard error
+    (m); all cells are of one class."""
     known = np.isfinite(reference)
     dh = height - reference
     # visibility is not known, so every cell counts as visible in two photographs: completeness is then a lower bound
     stratum = strata(np.full(dh.shape, PlaceClass.UNKNOWN), provenance, np.ones(dh.shape, bool))
     # and the datum of a file is its own, so the precision among neighbours cannot be judged
     unknown = np.full(int(known.sum()), np.nan)
-    cells = JudgedCells(stratum[known], dh[known], precision[known], unknown, unknown)
+    # What is judged is the difference, which has the errors of both.
+    cells = JudgedCells(stratum[known], dh[known], np.hypot(precision[known], sigma), unknown, unknown)
     return _judge(dh, cells, np.zeros(dh.shape, np.int64), _ObjectCounts(no_edges(), no_crowns()), cell)
 
 

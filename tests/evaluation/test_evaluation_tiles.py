@@ -204,6 +204,16 @@ def test_a_file_has_one_class_and_no_buildings():
     assert np.isnan(found.dh[:5]).all() and len(found.buildings) == len(found.edges) == len(found.crowns) == 0
 
 
+def test_the_standard_error_of_a_reference_is_one_of_the_difference():
+    surface, precision, code = dsm()
+    # 0.4 m are 2.7 standard errors of the surface, and 1.2 of a difference from a reference of 0.3 m.
+    reference = surface - np.float32(0.4)
+    alone, both = (heights_against_file(surface, precision, code, reference, GRID.cell, sigma) for sigma in (0.0, 0.3))
+    rows = [row_of(found.sums, PlaceClass.UNKNOWN, only_seen_twice=True) for found in (alone, both)]
+    assert (rows[0]["within_2"], rows[0]["within_3"]) == (0, rows[0]["heights"])
+    assert rows[1]["within_2"] == rows[1]["heights"] and rows[1]["within_1"] == 0
+
+
 def texture(seed=1) -> np.ndarray:
     noise = gaussian_filter(np.random.default_rng(seed).normal(0, 1, (*GRID.shape, 1)), (1.5, 1.5, 0))
     return np.clip(np.rint(120 + 30 * noise / noise.std() * np.array([1.0, 0.9, 0.8])), 1, 255).astype(np.uint8)

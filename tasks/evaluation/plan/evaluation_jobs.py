@@ -80,7 +80,8 @@ def _file_of(asked: EvaluationStage, product: Literal["dsm", "ortho"]) -> str | 
 
 def _judged(asked: EvaluationStage, view: ProjectView, grid: MapGrid, product: Literal["dsm", "ortho"]) -> JudgedProduct:
     reference = _file_of(asked, product) or view.table(TRUTH_GRID)
-    return JudgedProduct(grid, view.table(BLOCK).crs, view.project.tile, reference)
+    sigma = asked.reference.sigma if isinstance(asked.reference, FileReference) else 0.0
+    return JudgedProduct(grid, view.table(BLOCK).crs, view.project.tile, reference, sigma)
 
 
 def _compares(asked: EvaluationStage, view: ProjectView, product: Literal["dsm", "ortho"], stage: str) -> bool:

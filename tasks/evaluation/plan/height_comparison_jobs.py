@@ -60,7 +60,7 @@ def height_job(judged: JudgedProduct, item: str, source: str, t: Tile, writes: d
             function=heights_against_file,
             reads=reads,
             writes=writes,
-            params={"cell": judged.grid.cell},
+            params={"cell": judged.grid.cell, "sigma": judged.sigma},
             row=t.row,
             col=t.col,
         )

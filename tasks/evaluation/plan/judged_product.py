@@ -22,6 +22,8 @@ class JudgedProduct:
     tile: int
     reference: MapGrid | str
     """grid of the truth, or path of the reference file"""
+    sigma: float = 0.0
+    """standard error of the heights of a reference file, m"""
 
 
 def truth_reads(place: Placement, **names: str) -> Reads:
