@@ -21,6 +21,7 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
 from orthomill.schemas.truth import TRUTH_GRID, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.simulation.flight import scene_settings
+from orthomill.tasks.simulation.plan.simulation_jobs import flight_of
 from orthomill.tasks.simulation.scene.crowns import stamp_crowns, stand_at_rest
 from orthomill.tasks.simulation.scene.layout import Scene
 from orthomill.tasks.simulation.scene.scene import bare_ground
@@ -111,8 +112,8 @@ def wood_cells(run: Path) -> WoodCells:
 
 
 def _scene() -> Scene:
-    stage = SimulationStage.model_validate(FLIGHT)
-    return scene_of(scene_settings(stage.flight, stage.buildings, FLIGHT["scene"]["wood"]))
+    asked = SimulationStage.model_validate(FLIGHT)
+    return scene_of(scene_settings(flight_of(asked), asked.buildings, FLIGHT["scene"]["wood"]))
 
 
 def _around(scene: Scene, grid: MapGrid) -> Window:
