@@ -56,7 +56,7 @@ def test_a_height_of_a_coarser_level_is_worth_its_steps(level, error):
     volume.confidence[:] = Confidence.COARSE
     volume.judgement[..., Judgement.LEVEL] = level * LEVEL_UNIT
     found = relative_precision(coded(volume.height, Provenance.COARSE), volume, STEP)
-    assert found == pytest.approx(error * STEP, rel=1e-3)
+    assert found == pytest.approx(np.hypot(error * STEP, 1.5), rel=1e-3), "leaves begin higher than photographs agree"
 
 
 def test_where_a_pair_decided_between_near_rivals_the_heights_around_count():

@@ -12,8 +12,8 @@ Of a height that pairs matched also:
   Slopes and walls are no unevenness, so what counts is the middle one of the departures around from what neighbours let expect.
 - strain: where rivals are beaten less clearly than elsewhere and a pair decided, windows see two surfaces in part; what these are
   apart is a share of the height differences around.
-Heights that stand alone are rated by the level that shows them (coherent_levels.py), guesses are worse by their distance to what
-was measured (estimate_errors.py); windows that know no walls are rated otherwise (wall_blind_errors.py).
+Heights that stand alone are rated by the level that shows them (coherent_levels.py) and by the depth of leaves, guesses are worse
+by their distance to what was measured (estimate_errors.py); windows that know no walls are rated otherwise (wall_blind_errors.py).
 
 The numbers below were fitted to a simulated scene so that the shares within two are alike in all its classes of ground and for one
 pair and several, and tested on another scene and on disjoint strips of a real block (benchmarks).
@@ -50,6 +50,9 @@ _STRANGE, _SQUARE = 0.9, 4
 _STRAINED, _STRAIN, _TORN = 0.7, 0.3, 2
 """distinctiveness below which a height is strained, the share of the height differences that this adds, and how many cells away
 these count"""
+_LEAVES = 1.5
+"""m by which what stands alone lies below its envelope: sets of photographs agree on the leaves that they see, and the first of
+these begin higher (`python -m benchmarks closed_wood`)"""
 REACH = max(_BESIDE, _SQUARE, _DIFFER, AROUND // 2 + 1)
 """cells around a cell whose heights enter its standard error"""
 
@@ -60,7 +63,7 @@ def relative_precision(cells: FusedCells, volume: VolumeWindow, step: float) -> 
     doubt = np.float32(_DOUBT * step) * volume.size * np.exp(-least / np.float32(_CLEAR))
     parts = matched_precision(cells, volume, step), doubt, _strangeness(cells, volume, step), _unevenness_error(cells)
     sigma = np.sqrt(sum(part.astype(float) ** 2 for part in (*parts, _strain(cells, volume))))
-    sigma = np.where(volume.alone, standard_errors(volume.level, step), sigma)
+    sigma = np.where(volume.alone, np.hypot(standard_errors(volume.level, step), _LEAVES), sigma)
     return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
 
 
