@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -46,6 +46,11 @@ def line_features(table: MapLines) -> Iterator[Feature]:
     starts = np.flatnonzero(np.diff(table.line, prepend=-1)) if len(table) else np.zeros(0, np.int64)
     places = np.column_stack([table.x, table.y, table.z])
     for first, last in zip(starts, [*starts[1:], len(table)], strict=False):
-        attributes = {name: getattr(table, name)[first].item() for name in names}
-        drawing = {name: getattr(table, name)[first].item() for name in _DRAWING}
+        attributes = {name: _plain(getattr(table, name)[first]) for name in names}
+        drawing = {name: _plain(getattr(table, name)[first]) for name in _DRAWING}
         yield Feature(places[first:last], attributes, str(drawing["layer"]), bool(drawing["dashed"]), str(drawing["text"]))
+
+
+def _plain(value: Any) -> Any:
+    """A value of a column as Python's own: a stored table has columns of text, a new one has NumPy's."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -12,6 +12,7 @@ from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer, line_features
+from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.bare_ground import ContourLines
 from orthomill.schemas.job import Export, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
@@ -118,3 +119,13 @@ def test_areas_of_codes_are_polygons_with_holes_and_names(tmp_path):
     found = dict(zip(meta["fields"], columns, strict=True))
     assert found["photograph"].tolist() == ["a.jpg", "b.jpg"] and found["area_m2"].tolist() == [400.0, 100.0]
     assert meta["crs"] == "EPSG:2100" and int.from_bytes(geometry[0][5:9], "little") == 2, "an outline and a hole"
+
+
+def test_lines_that_were_stored_are_written_like_new_ones(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    store, table = Store(tmp_path), Table("terrain/contours.parquet", ContourLines)
+    store.write_table(table, contours())
+    stored = Layer("contours", "line", tuple(line_features(store.table(table))))
+    write_geopackage(tmp_path / "a.gpkg", (stored,), "EPSG:2100")
+    assert pyogrio.read_info(tmp_path / "a.gpkg")["features"] == 2
+    assert [feature.text for feature in stored.features] == ["10", ""] and stored.features[1].dashed is True
