@@ -33,9 +33,13 @@ def failure_advice(result: BoardAdjustment, check: HeldOut | None, photos: list[
     return out
 
 
-def fails(advice: list[Advice]) -> bool:
-    """Whether the calibration must not be signed."""
-    return any(one.code in (Weakness.REJECTED_OUTSIDE, Weakness.LARGE_SIGMA0) for one in advice)
+def failures(advice: list[Advice]) -> frozenset[Weakness]:
+    """The weaknesses for which the calibration must not be signed."""
+    found = {one.code for one in advice}
+    alone = found & {Weakness.REJECTED_OUTSIDE, Weakness.LARGE_SIGMA0}
+    # Either may have a harmless cause; corners rejected together that fit far worse in held-out photographs show the lens.
+    together = {Weakness.REJECTED_TOGETHER, Weakness.ALL_WORSE}
+    return frozenset(alone | (together if together <= found else set()))
 
 
 def _outer_share(result: BoardAdjustment) -> float | None:

@@ -7,7 +7,7 @@ from orthomill.tasks.calibration.board_tables import drawing_raster
 from orthomill.tasks.calibration.diagnosis.advice import LIMITING, Advice, geometry, geometry_advice, result_advice, search_advice
 from orthomill.tasks.calibration.diagnosis.calibration_results import CalibrationResults
 from orthomill.tasks.calibration.diagnosis.drawing import RESIDUAL_LENGTH, spread, usual_length
-from orthomill.tasks.calibration.diagnosis.model_failure import fails, failure_advice
+from orthomill.tasks.calibration.diagnosis.model_failure import failure_advice, failures
 from orthomill.tasks.calibration.report.advice_sentences import advice_sentence
 from orthomill.tasks.calibration.report.board_charts import board_charts
 from orthomill.tasks.calibration.report.board_figures import board_figures
@@ -44,7 +44,7 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
         verdict=_verdict(results, advice),
         answers=tuple(_answers(results)),
         products=PRODUCTS,
-        doubts=tuple(sentences[one.code] for one in advice if fails([one])),
+        doubts=tuple(sentences[one.code] for one in advice if one.code in failures(advice)),
         losses=tuple(sentences[one.code] for one in advice if one.code in LIMITING),
         figures=(*plain.figures, *board_figures(results, shape)),
         grids=(parameter_grid(results), *plain.grids, *own),
@@ -56,7 +56,7 @@ def chessboards_report(plain: StageReport, results: CalibrationResults) -> Stage
 
 def _verdict(results: CalibrationResults, advice: list[Advice]) -> Verdict:
     """Poor where the adjustment contradicts the lens or the boards, fair where something limits it, with the first reasons."""
-    if fails(advice):
+    if failures(advice):
         words = "The calibration does not follow the lens or the boards: do not use it before the first warnings are dealt with."
         return Verdict(level="poor", sentence=words, weighs=True)
     result, check = results.result, results.check

@@ -9,8 +9,8 @@ from board_corners import easy_calibration
 
 from orthomill.schemas.camera import LENSES, Camera, FisheyeLens
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
-from orthomill.tasks.calibration.diagnosis.advice import Weakness
-from orthomill.tasks.calibration.diagnosis.model_failure import fails, failure_advice
+from orthomill.tasks.calibration.diagnosis.advice import Advice, Weakness
+from orthomill.tasks.calibration.diagnosis.model_failure import failure_advice, failures
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
 from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, LensModel, in_model, model_of, with_affinity
 from orthomill.tasks.calibration.solving.model_choice import HeldOut, Judged, choice, compare
@@ -101,14 +101,16 @@ def test_rejected_corners_that_lie_together_are_a_failure_of_the_model_and_scatt
     radius = np.linalg.norm(result.corners.xy, axis=1)
     outer = radius > np.quantile(radius, 0.9)
     found = failure_advice(rejecting(result, outer), None, photos)
-    assert Weakness.REJECTED_OUTSIDE in [one.code for one in found] and fails(found)
+    assert Weakness.REJECTED_OUTSIDE in [one.code for one in found] and failures(found)
     assert found[0].value == pytest.approx(0.5, abs=0.02)
     scattered = np.zeros(len(radius), bool)
     scattered[np.random.default_rng(0).choice(len(radius), 30, replace=False)] = True
     assert failure_advice(rejecting(result, scattered), None, photos) == []
     image = (result.corners.photo == 2) & (result.corners.board == 1)
     (one,) = [one for one in failure_advice(rejecting(result, image), None, photos) if one.code is Weakness.REJECTED_TOGETHER]
-    assert one.names == ("p2 (board 2)",) and not fails([one])
+    assert one.names == ("p2 (board 2)",) and not failures([one])
+    worse = Advice(Weakness.ALL_WORSE, 2.4, values=(1.2,))
+    assert not failures([worse]) and failures([one, worse]) == {Weakness.REJECTED_TOGETHER, Weakness.ALL_WORSE}
 
 
 def test_corners_that_were_rejected_count_in_the_judgement():
