@@ -93,7 +93,10 @@ def test_pairs_that_contradict_each_other_are_disputed():
 def test_without_pairs_the_tile_is_empty():
     cells = surface_of_tile(surface_tile(), RULES)
     assert np.isnan(cells.height).all() and np.isnan(cells.precision).all()
-    assert cells.statistics.provenance == (LEVEL_GRID.rows * LEVEL_GRID.cols, *[0] * 6) and cells.statistics.lowest is None
+    assert (
+        cells.statistics.provenance == (LEVEL_GRID.rows * LEVEL_GRID.cols, *[0] * (len(Provenance) - 1))
+        and cells.statistics.lowest is None
+    )
 
 
 def test_heights_beyond_the_bounds_of_the_surface_are_not_believed():
@@ -141,7 +144,7 @@ def test_gaps_are_filled_on_request_with_their_own_code():
 def test_the_statistics_count_the_cells():
     cells = made(12.5, 12.5)
     known = LEVEL_GRID.rows * LEVEL_GRID.cols
-    assert cells.statistics.provenance == (0, 0, known, 0, 0, 0, 0)
+    assert cells.statistics.provenance == (0, 0, known, *[0] * (len(Provenance) - 3))
     assert sum(cells.statistics.precision) == known and len(cells.statistics.precision) == CLASSES
     index = int(cells.precision[0, 0] / (0.1 * LEVEL_GRID.cell))
     assert cells.statistics.precision[index] == known
