@@ -48,6 +48,8 @@ class AccuracyStage(Stage):
             reads={"tests": POINT_TESTS, "statement": STATEMENT, "reliability": RELIABILITY, "adjustment": ADJUSTMENT_STATEMENT},
             writes={"report": report_table("accuracy")},
         )
-        yield from (Export("accuracy", name, f"products/{name}.json", "json", tables=(table,)) for name, table in _FILES.items())
+        # Jobs and exports share their names: a file is called after its table and its kind.
+        for name, table in _FILES.items():
+            yield Export("accuracy", f"{name}_json", f"products/{name}.json", "json", tables=(table,))
         for name, columns in _TABLES.items():
-            yield Export("accuracy", name, f"products/{name}.csv", "csv", tables=(columns,))
+            yield Export("accuracy", f"{name}_csv", f"products/{name}.csv", "csv", tables=(columns,))

@@ -54,11 +54,20 @@ def planned(stages=View.stages, points=None, **settings):
         PHOTOS.path: None,
     }
     view.specs[ORTHO] = RasterSpec(name=ORTHO, shape=(120, 180, 4), dtype="uint8", chunk=32, transform=(0.5, 0, 0, 0, -0.5, 60))
-    return [thing for thing in AccuracyStage(**settings).plan(view) if isinstance(thing, Job)]
+    return list(AccuracyStage(**settings).plan(view))
+
+
+def jobs_of(*args, **settings):
+    return [thing for thing in planned(*args, **settings) if isinstance(thing, Job)]
+
+
+def test_every_job_and_every_file_has_a_name_of_its_own():
+    keys = [thing.key for thing in planned()]
+    assert len(keys) == len(set(keys))
 
 
 def test_every_check_point_has_a_job_and_jobs_fit_their_functions():
-    jobs = planned(points=(point("A", (20, 30, 5)), point("B", (40, 30, 5)), point("C", (50, 30, 5), "control")))
+    jobs = jobs_of(points=(point("A", (20, 30, 5)), point("B", (40, 30, 5)), point("C", (50, 30, 5), "control")))
     assert [job.row for job in jobs if job.item == "point"] == [0, 1]
     assert [misfit(job) for job in jobs if misfit(job)] == []
     first = jobs[0].reads
@@ -66,14 +75,14 @@ def test_every_check_point_has_a_job_and_jobs_fit_their_functions():
 
 
 def test_products_that_are_not_made_are_not_read():
-    (job, *_) = planned(stages=())
+    (job, *_) = jobs_of(stages=())
     assert not any(job.reads[name] for name in ("heights", "corrected", "ortho", "photos"))
-    (far, *_) = planned(points=(point("far", (900.0, 900.0, 0.0)),))
+    (far, *_) = jobs_of(points=(point("far", (900.0, 900.0, 0.0)),))
     assert not far.reads["heights"] and not far.reads["ortho"]
 
 
 def test_points_under_vegetation_and_slopes_are_settings():
-    jobs = planned(points=(point("V1", (20, 30, 5)), point("A", (40, 30, 5))), vegetated=("V*",), steepest=0.3)
+    jobs = jobs_of(points=(point("V1", (20, 30, 5)), point("A", (40, 30, 5))), vegetated=("V*",), steepest=0.3)
     assert [job.params["rules"].vegetated for job in jobs if job.item == "point"] == [True, False]
     assert jobs[0].params["rules"].steepest == 0.3
 
