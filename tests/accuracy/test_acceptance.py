@@ -7,6 +7,7 @@ from pydantic import TypeAdapter, ValidationError
 from orthomill.schemas.accuracy.acceptance import Acceptance, DeliveryFacts
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.observations import Control, ControlPoint
+from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.accuracy.acceptance.clauses import accepted
 from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
@@ -61,6 +62,29 @@ def test_profiles_have_their_own_limits():
     assert outcomes(inspire) == {"accuracy in plan": "missed"} and inspire.clauses[0].limit == "0.200 m"
     with pytest.raises(ValidationError):
         profile(kind="asprs_2023", plan=-1)
+
+
+@pytest.mark.parametrize(
+    ("limits", "facts", "clause", "outcome"),
+    [
+        ({"plan_pixels": 1.0}, stated(0.05), "accuracy in plan", "met"),
+        ({"plan_pixels": 0.4}, stated(0.05), "accuracy in plan", "missed"),
+        ({"height": 0.1, "survey_share": 0.5}, stated(0.05, survey=0.06), "survey of the check points in height", "missed"),
+        ({"seams": 3.0}, DeliveryFacts(seams=4.0), None, "missed"),
+        ({"earliest": "2026-05-01"}, DeliveryFacts(first_day="2026-04-30", last_day="2026-05-02"), None, "missed"),
+        ({"latest": "2026-05-31"}, DeliveryFacts(first_day="2026-04-30", last_day="2026-05-02"), None, "met"),
+        ({"earliest": "2026-05-01"}, DeliveryFacts(), None, "not testable"),
+    ],
+)
+def test_a_client_has_limits_of_his_own(limits, facts, clause, outcome):
+    found = outcomes(accepted(profile(kind="custom", **limits), facts, "it"))
+    assert (found[clause] if clause else next(iter(found.values()))) == outcome
+    assert profile(kind="custom", **limits).model_dump(exclude_defaults=True) == {"kind": "custom", **limits}
+
+
+def test_a_project_names_what_was_agreed():
+    told = {"project": "site", "crs": "EPSG:25832", "photographs": {"kind": "simulated"}, "acceptance": {"kind": "asprs_2023"}}
+    assert Project.model_validate(told).acceptance.points == 30
 
 
 def test_products_of_another_program_are_inspected():
