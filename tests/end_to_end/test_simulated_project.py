@@ -17,6 +17,7 @@ from simulated_run import PROJECT, Run, quarter_in
 from small_site import command, results_of
 
 from orthomill.pipeline.records.records import Records
+from orthomill.schemas.bare_ground import CellClass
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.surface import MEASURED
 
@@ -31,7 +32,9 @@ STAGES = (
     "epipolar",
     "densification",
     "dsm_check",
+    "terrain",
     "texture",
+    "viewer",
     "accuracy",
     "evaluation",
 )
@@ -81,7 +84,7 @@ def test_a_changed_texture_setting_runs_only_what_depends_on_it(copy):
     path.write_text(path.read_text().replace("- kind: texture", "- kind: texture\n    rejection: {kind: none}"))
     command("run", PROJECT, "--sequential")
     figures = copy.summary()
-    assert {kind for kind in STAGES if figures[f"run.{kind}.jobs_done"]} == {"texture", "accuracy", "evaluation"}
+    assert {kind for kind in STAGES if figures[f"run.{kind}.jobs_done"]} == {"texture", "viewer", "accuracy", "evaluation"}
     assert figures["run.evaluation.jobs_skipped"] > 10, "the heights do not depend on it and need no new evaluation"
 
 
@@ -195,7 +198,8 @@ def test_matched_points_lie_near_the_surface(run):
     col, row = (np.floor(values).astype(int) for values in inverse * (np.array(points.x), np.array(points.y)))
     apart = np.abs(heights[row, col] - np.array(points.z))
     assert len(points) > 10_000 and np.nanmedian(apart) < 0.3 * PARALLAX_HEIGHT
-    assert set(np.unique(points.classification)) <= {64 + code for code in MEASURED} and np.min(points["rays"]) >= 2
+    assert set(np.unique(points["code"])) <= set(MEASURED) and np.min(points["rays"]) >= 2
+    assert {CellClass.GROUND, CellClass.BUILDING} <= set(np.unique(points.classification)) <= set(CellClass)
 
 
 def test_cameras_are_the_block(run):
