@@ -1,11 +1,14 @@
 """The pyramid level on which pairs are matched: chosen by the rows of their tie points, and what its images show."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_block import block, camera, photograph, photos, tie_points
 
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import Window
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, resample_tile
 from orthomill.tasks.epipolar.measured_pairs import measured_pairs
@@ -18,6 +21,7 @@ from orthomill.tasks.geometry.normal_case import epipolar_shape
 from orthomill.tasks.imagery.pyramid import halved_window, level_shape, level_to_full, source_window
 
 LEVELS = 4
+ANYWHERE = SimpleNamespace(project=SimpleNamespace(grid=MapSurface()))
 
 
 def deep():
@@ -62,9 +66,9 @@ def test_rows_that_agree_exactly_are_matched_as_they_are():
 @pytest.mark.parametrize(("wanted", "level"), [(0, 0), (2, 2), (8, LEVELS - 1)])
 def test_a_stated_level_is_taken_as_far_as_photographs_have_it(wanted, level):
     assert {pair.level for pair in pairs_of(0.02, wanted).pairs} == {level}
-    job = next(iter(EpipolarStage(level=wanted).plan(None)))
+    job = next(iter(EpipolarStage(level=wanted).plan(ANYWHERE)))
     assert job.params["level"] == wanted
-    assert next(iter(EpipolarStage().plan(None))).params["level"] is None
+    assert next(iter(EpipolarStage().plan(ANYWHERE))).params["level"] is None
 
 
 @pytest.mark.parametrize("level", [0, 1, 2])
