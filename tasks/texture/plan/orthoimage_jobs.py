@@ -126,7 +126,7 @@ class OrthoimageJobs:
         yield self._report()
         yield from self._products()
 
-    @property
+    @cached_property
     def _dtypes(self) -> list[str]:
         return [self.view.raster(photo_raster(name, 0)).dtype for name in self.block.names]
 
