@@ -27,8 +27,9 @@ from orthomill.tasks.calibration.board_tables import (
 )
 from orthomill.tasks.calibration.cameras.camera_exchange import FORMATS
 from orthomill.tasks.calibration.chessboards import Model, index_board_photos
-from orthomill.tasks.calibration.detection.board_photographs import complete_corners, overview_level, photo_corners
+from orthomill.tasks.calibration.detection.board_photographs import overview_level, photo_corners
 from orthomill.tasks.calibration.detection.board_turns import symmetric
+from orthomill.tasks.calibration.detection.second_search import complete_corners
 from orthomill.tasks.calibration.diagnosis.drawing import draw_boards
 from orthomill.tasks.calibration.report.chessboard_calibration import from_chessboards
 from orthomill.tasks.calibration.solving.arranging import arrange

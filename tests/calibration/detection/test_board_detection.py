@@ -8,8 +8,9 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import Window
 from orthomill.tasks.calibration.board_tables import Arranged, ArrangedPhoto, Prediction
 from orthomill.tasks.calibration.detection.board_detection import COARSE_SIDE, Refusal, _refusal, find_boards, pyramid, regular
-from orthomill.tasks.calibration.detection.board_photographs import complete_corners, near_predictions, photo_corners
+from orthomill.tasks.calibration.detection.board_photographs import photo_corners
 from orthomill.tasks.calibration.detection.saddles import edge_blur
+from orthomill.tasks.calibration.detection.second_search import complete_corners, near_predictions
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.boards.board_rendering import BoardFilm, photograph_floor

@@ -18,14 +18,10 @@ from orthomill.tasks.calibration.detection.board_detection import (
     regular,
     through_levels,
 )
-from orthomill.tasks.calibration.detection.board_photographs import (
-    complete_corners,
-    corners_of_boards,
-    near_predictions,
-    overview_level,
-    to_overview,
-)
+from orthomill.tasks.calibration.detection.board_photographs import corners_of_boards, overview_level, to_overview
 from orthomill.tasks.calibration.detection.cut_boards import _offsets, find_cut_boards
+from orthomill.tasks.calibration.detection.saddles import crossings, spacings
+from orthomill.tasks.calibration.detection.second_search import complete_corners, near_predictions
 
 SIZE = (6, 5)
 H = homography_of(22.0, 0.0, (60.0, 150.0)) @ np.diag([1.0, -1.0, 1.0])
@@ -137,6 +133,21 @@ def test_predicted_corners_are_found_where_they_are_and_hidden_ones_are_not():
 def test_a_prediction_that_is_far_off_or_inverted_finds_nothing():
     assert not near_predictions(BOARD, GRID + 9.0)[1].any()
     assert not near_predictions(255 - BOARD, GRID)[1].any(), "squares of the wrong colour"
+
+
+def test_predictions_of_a_wrong_lens_are_corrected_from_corner_to_corner_and_nothing_else_is_found():
+    column, row = np.meshgrid(np.arange(6), np.arange(5))
+    wrong = GRID + np.stack([0.5 * column**2, 0.4 * row * column], axis=-1)
+    points, good = near_predictions(BOARD, wrong)
+    assert np.abs(wrong - GRID).max() > 10 and good.sum() >= 26
+    assert np.abs(points[good] - GRID[good]).max() < 0.1
+
+
+def test_edges_and_squares_are_no_corners_however_near_they_are_predicted():
+    across, down = spacings(GRID)
+    assert (crossings(BOARD, GRID, across, down)[1] > 0.75).all()
+    for step in (0.5 * across, 0.5 * down, 0.5 * (across + down), 0.25 * (across + down)):
+        assert (crossings(BOARD, GRID[:-1, :-1] + step[:-1, :-1], across[:-1, :-1], down[:-1, :-1])[1] < 0.4).all()
 
 
 def test_the_second_search_lists_the_corners_of_its_predictions():
