@@ -1,64 +1,66 @@
-"""What `orthomill export --as ...` makes of the products of a finished run."""
+"""What `orthomill export --as ...` makes of the products of a finished run.
 
+Everything is written in a folder beside its place and moved there when it is whole.
+"""
+
+import os
+import shutil
+import sqlite3
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from orthomill.pipeline.export.conversions.warped_product import Wanted
+from orthomill.pipeline.export.conversions.wanted import Wanted
+from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
 from orthomill.pipeline.storage.store import Store
-from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
-PICTURES, HEIGHTS, CAMERAS, MAPS = ("png", "jpeg"), ("hillshade", "slope"), ("cameras", "kml"), ("geotiff", "cog")
-TILES = ("xyz", "mbtiles", "pmtiles")
-KINDS = (*MAPS, *PICTURES, *HEIGHTS, *TILES, *CAMERAS)
-"""formats by name"""
-_ENDINGS = {
-    "geotiff": ".tif",
-    "cog": ".tif",
-    "png": ".png",
-    "jpeg": ".jpg",
-    "hillshade": "_hillshade.tif",
-    "slope": "_slope.tif",
-    "xyz": "_tiles",
-    "mbtiles": ".mbtiles",
-    "pmtiles": ".pmtiles",
-    "cameras": ".gpkg",
-    "kml": ".kml",
-}
-_HEIGHT_PRODUCTS = ("terrain", "dsm")
+_PRODUCTS = {"map": ("ortho",), "picture": ("ortho",), "tiles": ("ortho",), "relief": ("terrain", "dsm")}
+"""what is exported unless another product is named"""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """An export as the command line names it: format, product ("ortho"; None: the usual one), and how it is warped."""
+    """An export as the command line names it: format, product ("ortho"; None: the usual one), how it is warped, where it goes in
+    the run's folder (None: products/exported), and the grid of its sheets."""
 
     kind: str
     product: str | None
     wanted: Wanted
     path: str | None
+    sheets: str | None = None
 
 
 def export_as(asked: Asked, folder: Path) -> Path:
-    """Makes the file, or the folder of tiles, in the run's `folder`; its path. Raises WorkflowError and StoreError."""
-    if asked.kind not in KINDS:
-        raise WorkflowError(f"--as {asked.kind} is not known; formats are {', '.join(KINDS)}.")
-    if asked.kind in (*CAMERAS, *TILES) and asked.wanted != Wanted():
-        raise WorkflowError(f"--as {asked.kind} has its own system, area and cell; leave out --crs, --area and --cell.")
-    stem = "cameras" if asked.kind in CAMERAS else _product(asked, folder).stem
-    path = folder / (asked.path or f"products/exported/{stem}{_ENDINGS[asked.kind]}")
+    """Makes the file or folder in the run's `folder`; its path. Raises WorkflowError, StoreError, and ResourceError where the disk
+    refuses."""
+    form = BY_NAME.get(asked.kind)
+    if form is None:
+        raise WorkflowError(f"--as {asked.kind} is not known; formats are {', '.join(BY_NAME)}.")
+    _check_options(asked, form)
+    product = _product(asked, form, folder)
+    ending = "_sheets" if asked.sheets else form.ending
+    path = folder / (asked.path or f"products/exported/{product.stem if product else form.stem}{ending}")
     if not path.resolve().is_relative_to(folder.resolve()):
         raise WorkflowError(f"{asked.path} is outside the run's folder {folder}; name a path inside it.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if asked.kind in CAMERAS:
-        _export_cameras(asked.kind, path, Store(folder))
-    else:
-        _writer(asked)(_product(asked, folder), path)
+    write = _writer(asked, form, product, folder)
+    _written_whole(path, write)
     return path
 
 
-def _product(asked: Asked, folder: Path) -> Path:
-    """The product that the file is made of. Raises StoreError where it is not there."""
-    usual = _HEIGHT_PRODUCTS if asked.kind in HEIGHTS else ("ortho",)
+def _check_options(asked: Asked, form: ExportFormat) -> None:
+    given = {"of": asked.product, **vars(asked.wanted), "sheets": asked.sheets}
+    if refused := [f"--{name}" for name, value in given.items() if value is not None and name not in form.options]:
+        taken = ", ".join(f"--{name}" for name in form.options) or "none of them"
+        raise WorkflowError(f"--as {form.name} takes {taken}; leave out {', '.join(refused)}.")
+
+
+def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
+    """The product that the file is made of; None where it is made of the run. Raises StoreError where it is not there."""
+    usual = _PRODUCTS.get(form.group)
+    if usual is None:
+        return None
     names = (asked.product,) if asked.product else usual
     found = next((path for name in names if (path := folder / "products" / f"{name}.tif").is_file()), None)
     if found is None:
@@ -67,31 +69,86 @@ def _product(asked: Asked, folder: Path) -> Path:
     return found
 
 
-def _writer(asked: Asked) -> Callable[[Path, Path], None]:
-    # Where they are needed: GDAL and OpenCV take a second to load, and most commands export nothing.
+def _written_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Lets `write` make the file or folder, and what belongs beside it, in an empty folder, and moves all of it to its place."""
+    # Where they are needed: GDAL takes a second to load, and most commands export nothing.
+    from lazrs import LazrsError
+    from rasterio.errors import RasterioError
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.", suffix=".part") as scratch:
+            write(Path(scratch) / path.name)
+            for made in sorted(Path(scratch).iterdir()):
+                place = path.parent / made.name
+                if place.is_dir():
+                    shutil.rmtree(place)
+                os.replace(made, place)
+    except OrthomillError:
+        raise
+    except (OSError, RasterioError, sqlite3.Error, LazrsError) as error:
+        why = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise ResourceError(
+            f"{path} cannot be written ({why}); make room on the disk or make the folder writable, then export again."
+        ) from error
+
+
+def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path) -> Callable[[Path], None]:
+    if form.group == "layers":
+        return lambda path: _write_layers(form.name, path, Store(folder))
+    assert product is not None
+    if asked.sheets:
+        return lambda path: _write_sheets(asked, form, product, path)
+    return lambda path: _write_product(form, product, path, asked.wanted)
+
+
+def _write_product(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:
     from orthomill.pipeline.export.conversions.raster_files import write_geotiff, write_picture
     from orthomill.pipeline.export.conversions.relief_files import write_relief
     from orthomill.pipeline.export.conversions.web_tiles import write_tiles
 
-    kind, wanted = asked.kind, asked.wanted
-    if kind in MAPS:
-        return lambda product, path: write_geotiff(product, path, wanted, cloud=kind == "cog")
-    if kind in PICTURES:
-        return lambda product, path: write_picture(product, path, wanted, kind)
-    if kind in HEIGHTS:
-        return lambda product, path: write_relief(product, path, wanted, "hillshade" if kind == "hillshade" else "slope")
-    return lambda product, path: write_tiles(product, path, kind)
+    if form.group == "map":
+        write_geotiff(product, path, wanted, cloud=form.name == "cog")
+    elif form.group == "picture":
+        write_picture(product, path, wanted, form.name)
+    elif form.group == "relief":
+        write_relief(product, path, wanted, "hillshade" if form.name == "hillshade" else "slope")
+    else:
+        write_tiles(product, path, form.name, wanted.cutline)
 
 
-def _export_cameras(kind: str, path: Path, store: Store) -> None:
-    from orthomill.pipeline.export.conversions.camera_files import write_camera_geopackage, write_kml
+def _write_sheets(asked: Asked, form: ExportFormat, product: Path, path: Path) -> None:
+    """A folder with a file for every sheet that has something, and an index of them."""
+    from orthomill.pipeline.export.conversions.map_sheets import sheets_of
+    from orthomill.pipeline.export.conversions.raster_files import has_something
+    from orthomill.pipeline.export.conversions.sheet_index import write_sheet_index
+    from orthomill.pipeline.export.conversions.warped_product import warped
+
+    with warped(product, asked.wanted) as view:
+        crs, sheets = view.crs.to_wkt(), sheets_of(asked.sheets or "", view.crs.to_wkt(), tuple(view.bounds))
+    path.mkdir()
+    written = []
+    for sheet in sheets:
+        wanted = replace(asked.wanted, area=sheet.area)
+        if has_something(product, wanted):
+            _write_product(form, product, path / f"{sheet.name}{form.ending}", wanted)
+            written.append(sheet)
+    if not written:
+        raise WorkflowError(f"--sheets {asked.sheets}: no sheet shows anything of {product.name}.")
+    write_sheet_index(path / "sheets.gpkg", written, form.ending, crs)
+
+
+def _write_layers(kind: str, path: Path, store: Store) -> None:
+    from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage, write_kml
     from orthomill.schemas.maps.map_page import MAP_PAGE
-    from orthomill.schemas.orientation import BLOCK
+    from orthomill.schemas.observations import CONTROL
+    from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS
 
     if not store.has_table(MAP_PAGE) or not store.has_table(BLOCK):
         raise StoreError(
             "The photographs are exported from what the stage 'viewer' knows of them; add it to the workflow and run it."
         )
-    write = write_kml if kind == "kml" else write_camera_geopackage
-    path.unlink(missing_ok=True)
-    write(path, store.table(BLOCK), store.table(MAP_PAGE).cameras)
+    control = store.table(CONTROL).points if store.has_table(CONTROL) else ()
+    residuals = store.table(GROUND_RESIDUALS).points if store.has_table(GROUND_RESIDUALS) else ()
+    known = MappedBlock(store.table(BLOCK), store.table(MAP_PAGE).cameras, control, residuals)
+    (write_kml if kind == "kml" else write_camera_geopackage)(path, known)

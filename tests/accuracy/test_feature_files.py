@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthomill.pipeline.storage.answer_files import answers_csv, write_answers
-from orthomill.pipeline.storage.feature_files import read_features
+from orthomill.pipeline.storage.features.feature_files import read_features
 from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasuredAnswers, ProfilePoint, SurfaceAnswer
 from orthomill.schemas.errors import StoreError, WorkflowError
 

@@ -8,12 +8,12 @@ from rich.markup import escape
 
 from orthomill.pipeline.cli.commands.option_types import RasterName
 from orthomill.pipeline.cli.terminal import Debug, Name, out, plain_errors
+from orthomill.pipeline.export.export_formats import names_in_words
 
 if TYPE_CHECKING:
     from orthomill.pipeline.report.first_page import FirstPage
 
 products = typer.Typer()
-AS = "geotiff, cog, png, jpeg, hillshade, slope, xyz, mbtiles, pmtiles, cameras or kml."
 
 
 @products.command()
@@ -42,25 +42,37 @@ def export(
     name: Name,
     raster: RasterName = None,
     path: Annotated[str | None, typer.Argument(help="File in the run's folder; default products/<raster>.tif.")] = None,
-    kind: Annotated[str | None, typer.Option("--as", help=AS)] = None,
+    kind: Annotated[str | None, typer.Option("--as", help=names_in_words())] = None,
     product: Annotated[str | None, typer.Option("--of", help="Product that is exported, e.g. ortho, dsm, terrain.")] = None,
     crs: Annotated[str | None, typer.Option(help="Reference system of the file, e.g. EPSG:3857.")] = None,
     area: Annotated[
         tuple[float, float, float, float] | None, typer.Option(help="West, south, east and north in that system.")
     ] = None,
-    cell: Annotated[float | None, typer.Option(help="Cell of the file, in units of that system.", min=0)] = None,
+    cell: Annotated[float | None, typer.Option(help="Cell of the file, in units of that system.", min=1e-9)] = None,
+    cutline: Annotated[
+        Path | None, typer.Option(help="Polygons (.gpkg, .geojson) in any system; what lies outside is left out.")
+    ] = None,
+    sheets: Annotated[
+        str | None, typer.Option(help="A file for each sheet: an index (.gpkg, .geojson), 1km, 500m, linz:5000 or doqq.")
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Write products again, any raster of the store as a GeoTIFF, or a product in another format, system, area or cell."""
+    from orthomill.pipeline.export.conversions.wanted import Wanted
+
+    wanted = Wanted(crs, area, cell, cutline)
     if kind is not None:
-        return _export_as(name, kind, product, (crs, area, cell), raster or path, debug)
+        return _export_as(name, (kind, product, wanted, raster or path, sheets), debug)
     from orthomill.pipeline.cli.export_choice import chosen_exports
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.engine.running import session_of
     from orthomill.pipeline.export.exports import export as export_file
     from orthomill.pipeline.records.lock import only_run
+    from orthomill.schemas.errors import WorkflowError
 
     with plain_errors(debug):
+        if wanted != Wanted() or product is not None or sheets is not None:
+            raise WorkflowError("--of, --crs, --area, --cell, --cutline and --sheets say how --as exports; add --as FORMAT.")
         session = session_of(load_project(name))
         chosen = chosen_exports(session, raster, path)
         with only_run(session.folder):
@@ -69,13 +81,12 @@ def export(
                 out.print(str(session.folder / job.path), soft_wrap=True)
 
 
-def _export_as(name: str, kind: str, product: str | None, warping: tuple, path: str | None, debug: bool) -> None:
+def _export_as(name: str, asked: tuple, debug: bool) -> None:
     from orthomill.pipeline.cli.export_kinds import Asked, export_as
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.export.conversions.warped_product import Wanted
 
     with plain_errors(debug):
-        made = export_as(Asked(kind, product, Wanted(*warping), path), load_project(name).run_folder)
+        made = export_as(Asked(*asked), load_project(name).run_folder)
         out.print(str(made), soft_wrap=True)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orthomill.pipeline.cli.lookups.measured_surface import FileBase, RunBase, RunSurface
 from orthomill.pipeline.storage.answer_files import write_answers
-from orthomill.pipeline.storage.feature_files import read_features
+from orthomill.pipeline.storage.features.feature_files import read_features
 from orthomill.pipeline.storage.height_files import check_height_file
 from orthomill.schemas.accuracy.surface_answers import BaseSource, DrawnFeature, MeasuredAnswers, MeasuredSource, MeasureRules
 from orthomill.schemas.errors import WorkflowError

@@ -7,10 +7,10 @@ import numpy as np
 import rasterio
 import rasterio.shutil
 from pyproj import CRS
-from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
-from orthomill.pipeline.export.conversions.warped_product import Wanted, warped
+from orthomill.pipeline.export.conversions.wanted import Wanted
+from orthomill.pipeline.export.conversions.warped_product import WarpedProduct, warped
 from orthomill.pipeline.export.exports import world_file
 from orthomill.schemas.errors import WorkflowError
 
@@ -30,6 +30,12 @@ def windows(width: int, height: int) -> Iterator[Window]:
             yield Window(left, top, min(BLOCK, width - left), min(BLOCK, height - top))
 
 
+def has_something(product: Path, wanted: Wanted) -> bool:
+    """Whether the product shows anything there."""
+    with warped(product, wanted) as view:
+        return any(view.seen(window).any() for window in windows(view.width, view.height))
+
+
 def write_geotiff(product: Path, path: Path, wanted: Wanted, cloud: bool) -> None:
     """The product as a tiled GeoTIFF, with overviews where it is for the `cloud`."""
     plain = path.with_suffix(".plain.tif") if cloud else path
@@ -37,9 +43,10 @@ def write_geotiff(product: Path, path: Path, wanted: Wanted, cloud: bool) -> Non
         predictor = 3 if np.dtype(view.dtypes[0]).kind == "f" else 2
         profile = view.profile | _TAGS | {"driver": "GTiff", "predictor": predictor}
         with rasterio.open(plain, "w", **profile) as target:
-            target.colorinterp, target.descriptions, target.units = view.colorinterp, view.descriptions, view.units
+            known = view.view
+            target.colorinterp, target.descriptions, target.units = known.colorinterp, known.descriptions, known.units
             for window in windows(view.width, view.height):
-                target.write(view.read(window=window), window=window)
+                target.write(view.read(window), window=window)
         codes = view.count == 1 and np.dtype(view.dtypes[0]).kind == "u"
     if cloud:
         averaging = "nearest" if codes else "average"
@@ -62,7 +69,7 @@ def write_picture(product: Path, path: Path, wanted: Wanted, kind: str) -> None:
         profile = view.profile | _TAGS | {"driver": "GTiff", "count": len(bands), "photometric": "rgb", "nodata": None}
         with rasterio.open(plain, "w", **profile) as target:
             for window in windows(view.width, view.height):
-                target.write(view.read(bands, window=window), window=window)
+                target.write(view.read(window, bands), window=window)
         rasterio.shutil.copy(plain, path, driver=kind.upper(), **({"quality": 90} if kind == "jpeg" else {}))
         plain.unlink()
         path.with_name(f"{path.name}.aux.xml").unlink(missing_ok=True)
@@ -70,15 +77,16 @@ def write_picture(product: Path, path: Path, wanted: Wanted, kind: str) -> None:
         path.with_suffix(".prj").write_text(CRS.from_user_input(view.crs).to_wkt("WKT1_ESRI"))
 
 
-def height_windows(view: WarpedVRT) -> Iterator[tuple[Window, np.ndarray, tuple[slice, slice]]]:
+def height_windows(view: WarpedProduct) -> Iterator[tuple[Window, np.ndarray, tuple[slice, slice]]]:
     """Blocks with their heights (rows, cols), NaN in gaps, and a cell more on every side, and the place of the block in these."""
     for window in windows(view.width, view.height):
         left, top = max(window.col_off - 1, 0), max(window.row_off - 1, 0)
         right = min(window.col_off + window.width + 1, view.width)
         bottom = min(window.row_off + window.height + 1, view.height)
-        values = view.read(1, window=Window(left, top, right - left, bottom - top), masked=True)
+        wider = Window(left, top, right - left, bottom - top)
+        values = np.where(view.seen(wider), view.read(wider, [1])[0].astype(np.float64), np.nan)
         inner = np.s_[
             window.row_off - top : window.row_off - top + window.height,
             window.col_off - left : window.col_off - left + window.width,
         ]
-        yield window, np.ma.filled(values.astype(np.float64), np.nan), inner
+        yield window, values, inner

@@ -10,7 +10,8 @@ import numpy as np
 import rasterio
 
 from orthomill.pipeline.export.conversions.raster_files import BLOCK, height_windows
-from orthomill.pipeline.export.conversions.warped_product import Wanted, warped
+from orthomill.pipeline.export.conversions.wanted import Wanted
+from orthomill.pipeline.export.conversions.warped_product import warped
 from orthomill.schemas.errors import WorkflowError
 
 SUN = np.radians(315.0), np.radians(45.0)

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from rasterio.windows import Window
 
-from orthomill.pipeline.export.conversions.warped_product import Wanted, warped
+from orthomill.pipeline.export.conversions.wanted import Wanted
+from orthomill.pipeline.export.conversions.warped_product import warped
 from orthomill.schemas.errors import WorkflowError
 
 SIDE = 256
@@ -30,9 +31,11 @@ def finest_zoom(cell: float) -> int:
     return round(log2(2 * HALF / SIDE / cell))
 
 
-def write_tiles(product: Path, path: Path, kind: str) -> None:
-    """The tiles of a picture at `path`; kind: xyz, mbtiles, pmtiles. Raises WorkflowError for what is no picture."""
-    with warped(product, Wanted(crs="EPSG:3857")) as view:
+def write_tiles(product: Path, path: Path, kind: str, cutline: Path | None = None) -> None:
+    """The tiles of a picture at `path`; kind: xyz, mbtiles, pmtiles; only what is inside a cutline.
+
+    Raises WorkflowError for what is no picture."""
+    with warped(product, Wanted(crs="EPSG:3857", cutline=cutline)) as view:
         if view.dtypes[0] != "uint8" or view.count < 3:
             raise WorkflowError(f"{product.name} is no picture of 8 bits, so it has no tiles; ask for those of the orthoimage.")
         zoom, bounds = finest_zoom(view.transform.a), view.bounds
@@ -42,13 +45,13 @@ def write_tiles(product: Path, path: Path, kind: str) -> None:
     area = (low[0] * SIDE * cell - HALF, HALF - high[1] * SIDE * cell, high[0] * SIDE * cell - HALF, HALF - low[1] * SIDE * cell)
     least = max(zoom - ceil(log2(max(high[0] - low[0], high[1] - low[1], 1))), 0)
     about = {"name": product.stem, "minzoom": least, "maxzoom": zoom, "bounds": _degrees(bounds)}
-    with warped(product, Wanted("EPSG:3857", area, cell)) as view:
+    with warped(product, Wanted("EPSG:3857", area, cell, cutline)) as view:
         bands = list(range(1, min(view.count, 4) + 1))
 
         def read(x: int, y: int) -> np.ndarray:
             window = Window((x - low[0]) * SIDE, (y - low[1]) * SIDE, SIDE, SIDE)
-            pixels = np.moveaxis(view.read(bands, window=window, boundless=False), 0, -1)
-            alpha = pixels[..., 3:] if pixels.shape[2] == 4 else view.dataset_mask(window=window)[..., None]
+            pixels = np.moveaxis(view.read(window, bands), 0, -1)
+            alpha = pixels[..., 3:] if pixels.shape[2] == 4 else np.where(view.seen(window), 255, 0).astype(np.uint8)[..., None]
             return np.concatenate([pixels[..., :3], alpha], axis=-1)
 
         pyramid = _Pyramid(read, (low, high), zoom, _SINKS[kind](path, about))

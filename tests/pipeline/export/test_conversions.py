@@ -12,12 +12,14 @@ from box_scene import block
 from PIL import Image
 from rasterio.transform import from_origin
 
-from orthomill.pipeline.cli.export_kinds import KINDS, Asked, export_as
-from orthomill.pipeline.export.conversions.camera_files import write_camera_geopackage, write_kml
+from orthomill.pipeline.cli.export_kinds import Asked, export_as
+from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage, write_kml
 from orthomill.pipeline.export.conversions.relief_files import gradient, hillshade, slope
-from orthomill.pipeline.export.conversions.warped_product import Wanted
+from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.maps.map_page import MapCamera
+from orthomill.schemas.observations import ControlPoint
+from orthomill.schemas.orientation import GroundResidual
 
 WEST, NORTH, ROWS, COLS = 407000.0, 4357600.0, 600, 700
 
@@ -40,8 +42,8 @@ def folder(tmp_path):
 
 
 def made(folder, kind, **how):
-    path, product = how.pop("path", None), how.pop("product", None)
-    return export_as(Asked(kind, product, Wanted(**how), path), folder)
+    path, product, sheets = how.pop("path", None), how.pop("product", None), how.pop("sheets", None)
+    return export_as(Asked(kind, product, Wanted(**how), path, sheets), folder)
 
 
 def test_a_geotiff_in_another_system_shows_the_same_at_the_same_place(folder):
@@ -131,13 +133,32 @@ def test_photographs_are_points_and_areas(tmp_path):
     name = block().names[0]
     outline = ((407000.0, 4357000.0), (407100.0, 4357000.0), (407100.0, 4357100.0))
     cameras = (MapCamera(name=name, centre=(407050.0, 4357050.0, 500.0), outline=outline, taken="2026-05-01T10:00:00"),)
-    write_camera_geopackage(tmp_path / "c.gpkg", block(), cameras)
+    write_camera_geopackage(tmp_path / "c.gpkg", MappedBlock(block(), cameras))
     assert pyogrio.list_layers(tmp_path / "c.gpkg").tolist() == [["cameras", "Point Z"], ["footprints", "Polygon Z"]]
-    write_kml(tmp_path / "c.kml", SimpleNamespace(crs="EPSG:2100"), cameras)
+    write_kml(tmp_path / "c.kml", MappedBlock(SimpleNamespace(crs="EPSG:2100"), cameras))
     root = ElementTree.parse(tmp_path / "c.kml").getroot()
     places = [e.text for e in root.iter("{http://www.opengis.net/kml/2.2}coordinates")]
     assert [float(v) for v in places[0].split(",")] == pytest.approx([22.92, 39.35, 500.0], abs=0.02)
     assert len(places[1].split()) == 4 and pyogrio.read_info(tmp_path / "c.kml")["features"] == 1
+
+
+def test_surveyed_points_show_what_the_block_differs_from_them(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    point = ControlPoint(name="7", role="check", xyz=(407010.0, 4357020.0, 60.0), sigma=(0.01, 0.01, 0.02), measurements={})
+    unseen = point.model_copy(update={"name": "8", "role": "control"})
+    residual = GroundResidual(name="7", role="check", difference=(0.02, -0.01, 0.05), predicted=(0.02, 0.02, 0.03), photos=3)
+    write_camera_geopackage(tmp_path / "c.gpkg", MappedBlock(block(), (), (point, unseen), (residual,)))
+    assert dict(pyogrio.list_layers(tmp_path / "c.gpkg")) == {
+        "cameras": "Point Z",
+        "footprints": "Polygon Z",
+        "surveyed_points": "Point Z",
+        "residuals": "LineString Z",
+    }
+    facts, _, _, columns = pyogrio.raw.read(tmp_path / "c.gpkg", layer="surveyed_points")
+    rows = dict(zip(facts["fields"], columns, strict=True))
+    assert rows["point"].tolist() == ["7", "8"] and rows["dz"][0] == 0.05 and np.isnan(rows["dz"][1])
+    _, _, shapes, _ = pyogrio.raw.read(tmp_path / "c.gpkg", layer="residuals")
+    assert np.frombuffer(shapes[0][9:], "<f8").reshape(2, 3)[1] == pytest.approx([407030.0, 4357010.0, 60.0])
 
 
 @pytest.mark.parametrize(
@@ -150,7 +171,7 @@ def test_photographs_are_points_and_areas(tmp_path):
         ("geotiff", {"cell": 1e-4}, "pixels is asked for"),
         ("slope", {"crs": "EPSG:4326"}, "needs a system in metres"),
         ("png", {"product": "terrain"}, "is no picture"),
-        ("mbtiles", {"crs": "EPSG:3857"}, "has its own system"),
+        ("mbtiles", {"crs": "EPSG:3857"}, "takes --of, --cutline; leave out --crs"),
         ("geotiff", {"path": "../away.tif"}, "outside the run's folder"),
     ],
 )
@@ -162,4 +183,3 @@ def test_what_cannot_be_is_said_in_a_sentence(folder, kind, how, words):
 def test_a_product_that_is_not_there_is_named_with_those_that_are(folder):
     with pytest.raises(StoreError, match=r"no product dsm; --of is one of ortho, terrain"):
         made(folder, "cog", product="dsm")
-    assert len(set(KINDS)) == len(KINDS)

@@ -1,0 +1,48 @@
+"""The formats of `orthomill export --as`: the command's help, the table in docs/exports.md and the tests are made of this list."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Group = Literal["map", "picture", "relief", "tiles", "layers", "points", "block", "solid", "metadata"]
+"""what a format is made of: a product as a raster, as a picture, a product of heights, tiles, photographs and points on the map,
+the point cloud, the oriented photographs, the surface in space, the run itself"""
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """A format by the name that --as takes; `ending` is appended to the name of what is exported; a folder where it has no dot."""
+
+    name: str
+    group: Group
+    ending: str
+    what: str
+    opens_in: str
+    options: tuple[str, ...] = ()
+    """of --of, --crs, --area, --cell, --cutline, --sheets, those that it takes"""
+    stem: str = ""
+    """name of the file, of what is made of no product"""
+
+
+_RASTER = ("of", "crs", "area", "cell", "cutline", "sheets")
+_TILED = ("of", "cutline")
+
+FORMATS = (
+    ExportFormat("geotiff", "map", ".tif", "a product as a tiled GeoTIFF", "QGIS, ArcGIS, CAD, GDAL", _RASTER),
+    ExportFormat("cog", "map", ".tif", "the same with overviews, for reading over a network", "QGIS, ArcGIS, GDAL", _RASTER),
+    ExportFormat("png", "picture", ".png", "a picture with world file and .prj", "CAD, office programs, QGIS", _RASTER),
+    ExportFormat("jpeg", "picture", ".jpg", "the same, smaller, without transparency", "CAD, office programs, QGIS", _RASTER),
+    ExportFormat("hillshade", "relief", "_hillshade.tif", "shaded relief of terrain or surface", "QGIS, ArcGIS, CAD", _RASTER),
+    ExportFormat("slope", "relief", "_slope.tif", "slope of terrain or surface, degrees", "QGIS, ArcGIS, GDAL", _RASTER),
+    ExportFormat("xyz", "tiles", "_tiles", "a folder z/x/y of tiles of the web", "Leaflet, OpenLayers, QGIS", _TILED),
+    ExportFormat("mbtiles", "tiles", ".mbtiles", "the same in one SQLite file", "QGIS, GDAL, field apps", _TILED),
+    ExportFormat("pmtiles", "tiles", ".pmtiles", "the same in one file for any server", "MapLibre, Leaflet, QGIS", _TILED),
+    ExportFormat("cameras", "layers", ".gpkg", "photographs, footprints, control, residuals", "QGIS, ArcGIS", stem="cameras"),
+    ExportFormat("kml", "layers", ".kml", "photographs and footprints on the globe", "Google Earth, QGIS", stem="cameras"),
+)
+BY_NAME = {one.name: one for one in FORMATS}
+
+
+def names_in_words() -> str:
+    """All names as a sentence, for the help of the command."""
+    *others, last = (one.name for one in FORMATS)
+    return f"{', '.join(others)} or {last}."

@@ -1,0 +1,77 @@
+"""Polygons with their holes, for cutting and as sheets, from GeoPackage or GeoJSON, in another reference system."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS, Transformer
+
+from orthomill.pipeline.storage.features.geometry_files import Geometry, read_geometries, understood
+from orthomill.schemas.errors import WorkflowError
+
+PIECES = 16
+"""of an edge when it is transformed: a straight line of one system is bent in another"""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A polygon: closed rings (N, 2) X, Y, the outer one first, holes after it."""
+
+    name: str
+    rings: tuple[np.ndarray, ...]
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """West, south, east, north."""
+        (west, south), (east, north) = self.rings[0].min(axis=0), self.rings[0].max(axis=0)
+        return float(west), float(south), float(east), float(north)
+
+    def shape(self) -> dict[str, Any]:
+        """As GeoJSON."""
+        return {"type": "Polygon", "coordinates": [ring.tolist() for ring in self.rings]}
+
+
+def read_outlines(path: Path, crs: str) -> tuple[Outline, ...]:
+    """All polygons of a file in the system `crs`. Raises WorkflowError for what cannot be read or holds none."""
+    geometries = read_geometries(path, {}, ".gpkg or .geojson")
+    found = understood(path, lambda: tuple(moved(one, one_system, crs) for one, one_system in _outlines(geometries)))
+    if not found:
+        raise WorkflowError(f"{path} holds no polygon.")
+    for outline in found:
+        if not all(np.isfinite(ring).all() and len(ring) >= 4 for ring in outline.rings):
+            raise WorkflowError(f"{path}: the polygon {outline.name} has a ring of fewer than three corners, or none in {crs}.")
+    return found
+
+
+def moved(outline: Outline, system: str | None, crs: str) -> Outline:
+    """The outline in another system; `system`: its own, None where it is that already."""
+    own, target = _plan(system or crs), _plan(crs)
+    if system is None or own == target:
+        return outline
+    change = Transformer.from_crs(own, target, always_xy=True)
+    return Outline(outline.name, tuple(np.column_stack(change.transform(*_in_pieces(ring).T)) for ring in outline.rings))
+
+
+def _plan(system: str) -> CRS:
+    crs = CRS.from_user_input(system)
+    return crs.sub_crs_list[0] if crs.is_compound else crs
+
+
+def _in_pieces(ring: np.ndarray) -> np.ndarray:
+    share = np.arange(PIECES)[None, :, None] / PIECES
+    points = ring[:-1, None] + share * (ring[1:] - ring[:-1])[:, None]
+    return np.concatenate([points.reshape(-1, 2), ring[-1:]])
+
+
+def _outlines(geometries: tuple[Geometry, ...]) -> Iterator[tuple[Outline, str | None]]:
+    for one in geometries:
+        if one.kind in ("Polygon", "MultiPolygon"):
+            for rings in [one.coordinates] if one.kind == "Polygon" else one.coordinates:
+                yield Outline(one.name, tuple(_closed(ring) for ring in rings)), one.system
+
+
+def _closed(ring: Any) -> np.ndarray:
+    places = np.array([place[:2] for place in ring], np.float64)
+    return places if np.array_equal(places[0], places[-1]) else np.vstack([places, places[:1]])
