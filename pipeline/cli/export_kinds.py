@@ -16,7 +16,7 @@ from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
-_PRODUCTS = {"map": ("ortho",), "picture": ("ortho",), "tiles": ("ortho",), "relief": ("terrain", "dsm")}
+_PRODUCTS = {"map": ("ortho",), "picture": ("ortho",), "tiles": ("ortho",), "relief": ("terrain", "dsm"), "points": ("points",)}
 """what is exported unless another product is named"""
 
 
@@ -61,10 +61,14 @@ def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
     usual = _PRODUCTS.get(form.group)
     if usual is None:
         return None
-    names = (asked.product,) if asked.product else usual
-    found = next((path for name in names if (path := folder / "products" / f"{name}.tif").is_file()), None)
+    names, suffix = (asked.product,) if asked.product else usual, ".laz" if form.group == "points" else ".tif"
+    files = {path.stem: path for path in sorted((folder / "products").glob(f"*{suffix}"))}
+    # The points of a large surface are a folder of files.
+    if form.group == "points" and any((folder / "products/points").glob("*.laz")):
+        files["points"] = folder / "products/points"
+    found = next((files[name] for name in names if name in files), None)
     if found is None:
-        known = ", ".join(sorted(path.stem for path in (folder / "products").glob("*.tif"))) or "none yet"
+        known = ", ".join(sorted(files)) or "none yet"
         raise StoreError(f"{folder.name} has no product {' or '.join(names)}; --of is one of {known}.")
     return found
 
@@ -97,9 +101,22 @@ def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path
     if form.group == "layers":
         return lambda path: _write_layers(form.name, path, Store(folder))
     assert product is not None
+    if form.group == "points":
+        return lambda path: _write_points(form, product, path, asked.wanted)
     if asked.sheets:
         return lambda path: _write_sheets(asked, form, product, path)
     return lambda path: _write_product(form, product, path, asked.wanted)
+
+
+def _write_points(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:
+    from orthomill.pipeline.export.clouds.cloud_source import cloud_source
+    from orthomill.pipeline.export.clouds.copc_file import write_copc
+    from orthomill.pipeline.export.clouds.ept_folder import write_ept
+    from orthomill.pipeline.export.clouds.laz_file import write_laz
+
+    files = tuple(sorted(product.glob("*.laz"))) if product.is_dir() else (product,)
+    write = {"laz": write_laz, "copc": write_copc, "ept": write_ept}[form.name]
+    write(path, cloud_source(files, wanted))
 
 
 def _write_product(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:

@@ -128,8 +128,8 @@ def _grid(
 
 def _around(outlines: tuple[Outline, ...], bounds: tuple[float, ...]) -> tuple[float, float, float, float]:
     """West, south, east, north of the outlines, as far as they lie within the bounds; of the outlines alone where none does."""
-    corners = np.array([outline.bounds for outline in outlines])
-    west, south, east, north = (*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+    wests, souths, easts, norths = zip(*(outline.bounds for outline in outlines), strict=True)
+    west, south, east, north = min(wests), min(souths), max(easts), max(norths)
     cut = max(west, bounds[0]), max(south, bounds[1]), min(east, bounds[2]), min(north, bounds[3])
     return cut if cut[0] < cut[2] and cut[1] < cut[3] else (west, south, east, north)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,21 @@ class Outline:
         """West, south, east, north."""
         (west, south), (east, north) = self.rings[0].min(axis=0), self.rings[0].max(axis=0)
         return float(west), float(south), float(east), float(north)
+
+    def contains(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Which of the places (N,) lie inside: (N,) bool; by the number of edges to the east of them."""
+        order = np.argsort(y, kind="stable")
+        xs, ys, odd = x[order], y[order], np.zeros(len(x), bool)
+        for ring in self.rings:
+            for (x0, y0), (x1, y1) in pairwise(ring):
+                # Half open, so that a corner between two edges counts once.
+                first, last = np.searchsorted(ys, sorted((y0, y1)))
+                if first < last:
+                    part = slice(first, last)
+                    odd[part] ^= xs[part] < x0 + (ys[part] - y0) * ((x1 - x0) / (y1 - y0))
+        inside = np.zeros(len(x), bool)
+        inside[order] = odd
+        return inside
 
     def shape(self) -> dict[str, Any]:
         """As GeoJSON."""
