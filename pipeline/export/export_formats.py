@@ -46,6 +46,13 @@ FORMATS = (
 BY_NAME = {one.name: one for one in FORMATS}
 
 
+def table_lines() -> list[str]:
+    """The table of docs/exports.md."""
+    head = ["| format | what | opens in | options |", "| --- | --- | --- | --- |"]
+    options = {one.name: ", ".join(f"`--{name}`" for name in one.options) for one in FORMATS}
+    return head + [f"| `{one.name}` | {one.what} | {one.opens_in} | {options[one.name]} |" for one in FORMATS]
+
+
 def names_in_words() -> str:
     """All names as a sentence, for the help of the command."""
     *others, last = (one.name for one in FORMATS)

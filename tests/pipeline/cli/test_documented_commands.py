@@ -1,0 +1,63 @@
+"""Every command line and every block of YAML of the documentation is one that orthomill understands."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.main import get_command
+
+from orthomill.pipeline.cli.commands.application import app
+from orthomill.pipeline.export.export_formats import BY_NAME, FORMATS, names_in_words, table_lines
+
+ROOT = Path(__file__).parents[3]
+PAGES = sorted(
+    [ROOT / "README.md", *(p for p in (ROOT / "docs").rglob("*.md") if "api" not in p.parts and "sources" not in p.parts)]
+)
+LINE = re.compile(r"^ {4,}(?:\$ )?((?:\.venv/bin/)?orthomill .*)$|`(orthomill [^`\n]*)`", re.MULTILINE)
+
+
+def commands(page: Path) -> list[str]:
+    """Command lines, without what a comment says, and without those that only name a command (`orthomill status`)."""
+    found = [a or b for a, b in LINE.findall(page.read_text())]
+    return [re.sub(r"\s+#.*$", "", line).removeprefix(".venv/bin/") for line in found]
+
+
+def mistake(line: str) -> str:
+    """What is wrong with a command line; empty where nothing is."""
+    words = [word for word in shlex.split(line)[1:] if word != "..."]
+    if words and words[0] in ("--version", "--help"):
+        return ""
+    command = get_command(app)
+    while inner := getattr(command, "commands", None):
+        if not words:
+            return ""
+        if (name := words.pop(0)) not in inner:
+            return f"no such command: {line}"
+        command = inner[name]
+    known = {name for parameter in command.params for name in parameter.opts + parameter.secondary_opts} | {"--help"}
+    return "".join(f"{word} is no option: {line}" for word in words if word.startswith("--") and word.split("=")[0] not in known)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_of_the_documentation_exist_with_their_options(page):
+    assert [found for line in commands(page) if (found := mistake(line))] == []
+
+
+def test_the_test_itself_finds_a_wrong_option():
+    assert mistake("orthomill export site --as cog --cutlines x") and mistake("orthomill exprt site")
+    assert len(commands(ROOT / "docs/guide.md")) > 20 and len(commands(ROOT / "docs/exports.md")) > 10
+
+
+def test_formats_of_the_documentation_are_those_of_the_command():
+    text = (ROOT / "docs/exports.md").read_text()
+    assert "\n".join(table_lines()) in text
+    named = {word for page in PAGES for word in re.findall(r"--as ([a-z0-9_]+)", page.read_text())}
+    assert named <= set(BY_NAME) and len(BY_NAME) == len(FORMATS) and all(one.name in names_in_words() for one in FORMATS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_yaml_of_the_documentation_is_yaml(page):
+    for block in re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL):
+        assert yaml.safe_load(block)
