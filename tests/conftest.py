@@ -10,7 +10,9 @@ from orthomill.pipeline.engine.one_thread import one_thread_from_here
 
 one_thread_from_here()  # as in the command, before any numerical library is loaded
 
-SUPPORT = [str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards")]
+SUPPORT = [
+    str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards", "serving")
+]
 sys.path[:0] = SUPPORT
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))
 

@@ -17,6 +17,7 @@ from orthomill.pipeline.cli.commands.lookup_commands import lookups
 from orthomill.pipeline.cli.commands.mark_commands import marking
 from orthomill.pipeline.cli.commands.product_commands import products
 from orthomill.pipeline.cli.commands.run_commands import running
+from orthomill.pipeline.cli.commands.serve_commands import serving
 from orthomill.pipeline.cli.commands.start_commands import starting
 from orthomill.pipeline.cli.commands.state_commands import state
 from orthomill.pipeline.cli.terminal import out
@@ -26,7 +27,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for group in (running, marking, state, products, lookups, answers, starting):
+for group in (running, marking, serving, state, products, lookups, answers, starting):
     app.add_typer(group)
 
 

@@ -1,0 +1,61 @@
+"""Names of uploaded files: what a name may be, and what the file is for.
+
+A name is a name and no path; it is written as it was sent, for control files and positions name photographs by it.
+"""
+
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, HEIF_SUFFIXES, RAW_SUFFIXES
+from orthomill.schemas.errors import WorkflowError
+
+LONGEST = 200
+"""bytes of a name"""
+LISTS = frozenset({".txt", ".csv", ".pos", ".mrk", ".xml", ".gcp", ".json", ".tsv", ".dat"})
+IMAGES = DEVELOPED_SUFFIXES | HEIF_SUFFIXES | RAW_SUFFIXES
+_RESERVED = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
+
+
+def checked_name(name: str | None) -> str:
+    """The last part of a name as clients send it. Raises WorkflowError for one that is no file's name."""
+    last = PureWindowsPath(PurePosixPath((name or "").strip()).name).name
+    odd = any(ord(sign) < 32 or ord(sign) == 127 for sign in last)
+    if not last or last.startswith(".") or odd or len(last.encode(errors="replace")) > LONGEST or ":" in last:
+        shown = ascii((name or "")[:60])
+        raise WorkflowError(
+            f"{shown} is no name for an uploaded file: it needs 1 to {LONGEST} letters, without control signs and a leading dot."
+        )
+    if last.split(".")[0].lower() in _RESERVED:
+        raise WorkflowError(f"'{last}' is a name that Windows keeps for itself; rename the file.")
+    return last.encode("utf-8", errors="replace").decode()
+
+
+def is_image(name: str) -> bool:
+    """Whether a file is taken for a photograph by its name; masks are none."""
+    path = Path(name.lower())
+    return path.suffix in IMAGES and not path.stem.endswith("_mask") and path.stem != "align"
+
+
+def is_list(name: str) -> bool:
+    """Whether a file may hold control, positions or a camera."""
+    return Path(name.lower()).suffix in LISTS and name.lower() != "image_groups.txt"
+
+
+def is_archive(name: str) -> bool:
+    """Whether a file holds photographs packed together."""
+    return name.lower().endswith(".zip") and name.lower() != "seed.zip"
+
+
+def unused_sentence(name: str) -> str:
+    """Why a file of the upload is not used."""
+    lower = name.lower()
+    if Path(lower).stem.endswith("_mask"):
+        why = "masks are not read; what moves is rejected by the blending"
+    elif lower == "image_groups.txt":
+        why = "blocks are not split by it; tiles bound the memory instead"
+    elif lower.startswith("align."):
+        why = "results are not aligned to an earlier surface; give control points"
+    elif lower == "seed.zip":
+        why = "a project of another engine is not continued"
+    else:
+        why = "it is neither a photograph nor a list"
+    return f"Not used: {name}: {why}."

@@ -1,0 +1,93 @@
+"""The client that WebODM uses speaks to the node: upload in parts, progress, results, errors, and the end of a task."""
+
+import json
+from pathlib import Path
+
+import pytest
+from pyodm.exceptions import NodeResponseError, TaskFailedError
+from pyodm.types import TaskStatus
+from running_node import node, photographs
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    with node(tmp_path_factory.mktemp("node") / "home") as found:
+        yield found
+
+
+def test_a_block_goes_up_is_done_and_comes_down(running, tmp_path):
+    client = running.client()
+    files = photographs(tmp_path, ("a.jpg", "b.jpg", "c.jpg"))
+    (tmp_path / "gcp_list.txt").write_text("EPSG:32634\n1 2 3 4 5 a.jpg\n")
+    (tmp_path / "b_mask.jpg").write_bytes(Path(files[0]).read_bytes())
+    sent = []
+    options = {"dtm": False, "orthophoto-resolution": 5, "texture.best": 4, "auto-boundary": True}
+    given = [*files, str(tmp_path / "gcp_list.txt"), str(tmp_path / "b_mask.jpg")]
+    task = client.create_task(given, options, name="../a block", progress_callback=sent.append, parallel_uploads=4)
+    assert sent[-1] == 100
+    task.wait_for_completion(interval=0.1)
+    info = task.info(with_output=0)
+    assert (info.status, info.progress, info.images_count, info.name) == (TaskStatus.COMPLETED, 100, 3, "../a block")
+    assert info.processing_time > 0 and {one["name"] for one in info.options} == set(options)
+    text = "\n".join(info.output)
+    assert "auto-boundary means nothing to orthomill" in text and "Not used: b_mask.jpg" in text and "Verdict: Good" in text
+    assert "127.0.0.1" not in text  # the address of the run's own map is nobody's business
+    folder = running.home / "tasks" / task.uuid
+    assert (folder / "images" / "gcp_list.txt").exists() and not (folder / "images" / "b_mask.jpg").exists()
+    workflow = (folder / "workflows" / "task.yaml").read_text()
+    assert "terrain" not in workflow and "best: 4" in workflow
+    got = Path(task.download_assets(str(tmp_path / "got")))
+    assert (got / "odm_georeferencing" / "odm_georeferenced_model.laz").read_bytes() == b"points.laz" * 1000
+    assert (got / "orthomill" / "dsm_check.tif").exists() and "Verdict" in (got / "task_output.txt").read_text()
+    assert json.loads((got / "log.json").read_text())["verdict"] == "Good: checked."
+
+
+def test_the_node_tells_what_it_is_and_what_can_be_set(running):
+    client = running.client()
+    info = client.info()
+    assert info.engine == "orthomill" and client.version_greater_or_equal_than("2.2.0") and info.max_images is None
+    options = {option.name: option for option in client.options()}
+    assert {"dsm", "dtm", "orthophoto-resolution", "pc-quality", "boundary", "crs", "texture.best"} <= options.keys()
+    assert options["texture.best"].domain == "integer: 0 <= x <= 64" and options["texture.balance"].domain[0] == "none"
+    assert all(isinstance(option.value, str) and option.help for option in options.values()) and len(options) >= 50
+
+
+def test_a_wrong_token_gets_nothing(running):
+    for token in ("wrong", "s3cret", "s3cret-s3cre\u00e9"):
+        with pytest.raises(NodeResponseError, match="Unauthorized"):
+            running.client(token).info()
+
+
+def test_wrong_options_are_refused_before_anything_is_uploaded(running, tmp_path):
+    with pytest.raises(NodeResponseError, match=r"tile is '100'; it is a whole number.*\n.*crs is 'EPSG:x'"):
+        running.client().create_task(photographs(tmp_path), {"tile": 100, "crs": "EPSG:x"})
+
+
+def test_a_task_that_fails_says_why(running, tmp_path):
+    task = running.client().create_task(photographs(tmp_path, ("bad.jpg", "b.jpg")), {})
+    with pytest.raises(TaskFailedError):
+        task.wait_for_completion(interval=0.1)
+    info = task.info()
+    assert info.status == TaskStatus.FAILED and info.last_error == "photos/bad.jpg: bad.jpg cannot be read."
+    with pytest.raises(NodeResponseError, match="not been completed"):
+        running.client().get(f"/task/{task.uuid}/download/all.zip")
+
+
+def test_one_photograph_is_refused(running, tmp_path):
+    with pytest.raises(NodeResponseError, match="1 photographs were uploaded; a task needs at least 2"):
+        running.client().create_task(photographs(tmp_path, ("a.jpg",)), {})
+
+
+def test_a_task_is_cancelled_begun_again_and_removed(running, tmp_path):
+    client = running.client()
+    task = client.create_task(photographs(tmp_path), {})
+    assert task.cancel() and task.info().status == TaskStatus.CANCELED
+    assert task.restart({"texture.best": 3, "rerun-from": "odm_orthophoto"})
+    task.wait_for_completion(interval=0.1)
+    assert [one["name"] for one in task.info().options] == ["texture.best"]
+    assert "best: 3" in (running.home / "tasks" / task.uuid / "workflows" / "task.yaml").read_text()
+    with pytest.raises(NodeResponseError, match="rerun-from is 'x'"):
+        task.restart({"rerun-from": "x"})
+    assert task.remove() and not (running.home / "tasks" / task.uuid).exists()
+    with pytest.raises(NodeResponseError, match="not found"):
+        task.info()

@@ -1,0 +1,21 @@
+"""A node with the engine that stands in, as a process of its own: python standin_node.py HOME PORT [parallel]."""
+
+import sys
+from pathlib import Path
+
+from orthomill.pipeline.serving.node.node_server import NodeSettings, serve
+from orthomill.pipeline.serving.queue.task_queue import QueueRules
+from orthomill.pipeline.serving.queue.upload_store import UploadLimits
+from orthomill.tasks.catalogue import STAGES
+
+ENGINE = (sys.executable, str(Path(__file__).with_name("standin_engine.py")))
+
+
+def main(home: str, port: str, parallel: str = "1") -> None:
+    rules = QueueRules(parallel=int(parallel), memory=1, reserve=0, engine=ENGINE)
+    settings = NodeSettings(Path(home).resolve(), port=int(port), rules=rules, limits=UploadLimits(reserve=0))
+    serve(settings, STAGES, lambda line: print(line, flush=True))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
