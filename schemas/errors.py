@@ -16,6 +16,17 @@ class PhotoError(OrthomillError):
     """A photograph cannot be used."""
 
 
+class ContentError(PhotoError):
+    """What a file holds is no photograph that can be used: empty, cut, of another kind. Others beside it may be.
+
+    `found`: what is wrong with the file `path`, as the end of a sentence that begins with it; `advice`: what to do.
+    """
+
+    def __init__(self, path: str, found: str, advice: str) -> None:
+        super().__init__(f"{path} {found}; {advice}.")
+        self.found = found
+
+
 class GeometryError(OrthomillError):
     """The observations do not determine the unknowns."""
 

@@ -30,6 +30,14 @@ class Header(BaseModel):
     tags: dict[str, str] = {}
     damaged_tags: bool = False
     """The file has tags that cannot be read; `tags` is empty."""
+    unusable: str = ""
+    """Why the file is no photograph that can be used, as the end of a sentence that begins with its name; nothing else is known of
+    it then."""
+
+    @classmethod
+    def of_unusable(cls, path: str, why: str) -> "Header":
+        """All that is known of a file that is no photograph."""
+        return cls(path=path, width=0, height=0, bands=0, dtype="", unusable=why)
 
 
 class Soundness(BaseModel):
@@ -173,6 +181,8 @@ class PhotoRemarkCode(StrEnum):
     """Files have the same name; `photos` holds, for each one that is set aside, the path of the one that is used and its own."""
     STRAY_POSITION = "stray_position"
     """The GPS tag of a photograph lies `distance_km` from the others and is not used."""
+    UNUSABLE_FILE = "unusable_file"
+    """Files named like photographs hold none that can be used, and are set aside; `words`: why, for each."""
     DAMAGED_PICTURE = "damaged_picture"
     """The pictures of files are damaged, and these are set aside; `words`: where, and what is wrong, for each."""
     DAMAGED_TAGS = "damaged_tags"

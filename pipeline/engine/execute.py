@@ -15,7 +15,7 @@ from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
-from orthomill.pipeline.storage.image_files import picture_fault, read_header, read_pixels
+from orthomill.pipeline.storage.image_files import header_or_fault, picture_fault, read_pixels
 from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.mesh_files import read_mesh
@@ -188,7 +188,7 @@ def read_file(root: Path, region: FileRegion) -> Any:
     if isinstance(region, PhotoPixels):
         return read_pixels(root / region.path, region.window)
     if isinstance(region, PhotoHeader):
-        header = read_header(root / region.path)
+        header = header_or_fault(root / region.path)
         # The path relative to the root: tables made from it must not depend on where the project is stored.
         return header.model_copy(update={"path": region.path})
     if isinstance(region, PhotoPicture):

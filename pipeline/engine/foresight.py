@@ -12,7 +12,7 @@ from typing import Any
 from orthomill.pipeline.engine.execute import read_all, read_file, results_by_name
 from orthomill.pipeline.engine.graph import NoWriter, PlannedJob
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.storage.image_files import read_header
+from orthomill.pipeline.storage.image_files import header_or_fault
 from orthomill.pipeline.storage.photographs.folder_listing import left_out_lines, list_folder, with_those_below
 from orthomill.schemas.errors import OrthomillError, WorkflowError, first_of
 from orthomill.schemas.job import Job, PhotoHeader, PhotoPicture, Raster, Region, Table, TextFile, regions_of
@@ -135,5 +135,5 @@ def _pixels(session: Session, path: str) -> int:
     shape = session.graph.exported_shape(path)
     if shape is not None:
         return prod(shape[:2])
-    header = read_header(session.root / path)
+    header = header_or_fault(session.root / path)
     return header.width * header.height

@@ -26,7 +26,7 @@ from orthomill.pipeline.storage.photographs.jpeg_scan import Fault, broken_jpeg
 from orthomill.pipeline.storage.photographs.other_formats import Other, other_format, read_other_header, read_other_pixels
 from orthomill.pipeline.storage.photographs.transparency import is_masked, opacity
 from orthomill.pipeline.storage.tags.image_tags import carried_tags, image_tags
-from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.errors import ContentError, PhotoError
 from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.raster import Window
 
@@ -63,8 +63,21 @@ _LARGE_BLOCK = 1024
 """rows of a block of a TIFF beyond which tiles would decode it many times"""
 
 
+COPY_AGAIN = "copy it again from the camera"
+
+
+def header_or_fault(path: Path) -> Header:
+    """The header of an image file; one that says why, where the file holds no photograph that can be used. Raises PhotoError for a
+    file that is not there or cannot be read."""
+    try:
+        return read_header(path)
+    except ContentError as error:
+        return Header.of_unusable(str(path), error.found)
+
+
 def read_header(path: Path) -> Header:
-    """Size, bands, dtype and EXIF tags of an image file. Raises PhotoError for anything but a complete photograph."""
+    """Size, bands, dtype and EXIF tags of an image file. Raises ContentError for anything but a complete photograph, PhotoError for
+    a file that cannot be read."""
     other = other_format(path, _first_bytes(path))
     if other:
         return _other_header(path, other)
@@ -75,6 +88,8 @@ def read_header(path: Path) -> Header:
         # GDAL opens a truncated file without complaint and fails in the last tile, possibly hours later.
         if dataset.driver in _END_CHECKS:
             _END_CHECKS[dataset.driver](path)
+        elif dataset.driver == "GTiff":
+            _check_tiff_end(path, dataset)
         return Header(
             path=str(path),
             width=dataset.width,
@@ -92,7 +107,7 @@ def _other_header(path: Path, other: Other) -> Header:
     """The header of a HEIC or raw photograph; the tags are read from what carries them."""
     found = read_other_header(path, shown(path), other)
     if found.width * found.height > PIXEL_LIMIT:
-        raise PhotoError(_too_large(path, found.width, found.height))
+        raise _too_large(path, found.width, found.height)
     with rasterio.Env(**_GDAL), _tagged(path, found.tag_carrier) as dataset:
         tags = {} if dataset is None or _has_damaged_tags(dataset) else carried_tags(dataset)
     if other == "heif":
@@ -216,9 +231,10 @@ def _open(path: Path) -> rasterio.DatasetReader:
         try:
             return _largest_page(rasterio.open(Path(path).absolute(), driver=driver))
         except (RasterioError, CPLE_BaseError) as error:
-            raise PhotoError(
-                f"{shown(path)} begins like an image, but cannot be opened: the file is damaged or was not copied "
-                "completely; copy it again from the camera."
+            raise ContentError(
+                shown(path),
+                "begins like an image, but cannot be opened: the file is damaged or was not copied completely",
+                COPY_AGAIN,
             ) from error
 
 
@@ -262,8 +278,8 @@ def _driver(path: Path) -> str:
         if start.startswith(signature):
             return driver
     what = "plain text" if _is_text(start) else "another kind of file"
-    raise PhotoError(
-        f"{shown(path)} is not a JPEG, TIFF or PNG image but {what}, whatever its name says; remove it from the photographs."
+    raise ContentError(
+        shown(path), f"is not a JPEG, TIFF or PNG image but {what}, whatever its name says", "remove it from the photographs"
     )
 
 
@@ -276,7 +292,7 @@ def _first_bytes(path: Path) -> bytes:
     except OSError as error:
         raise PhotoError(f"The photograph {shown(path)} cannot be read ({error.strerror}).") from error
     if not start:
-        raise PhotoError(f"{shown(path)} is empty (0 bytes); copy it again from the camera.")
+        raise ContentError(shown(path), "is empty (0 bytes)", COPY_AGAIN)
     return start
 
 
@@ -287,14 +303,13 @@ def _is_text(start: bytes) -> bool:
 
 def _check_size(path: Path, dataset: rasterio.DatasetReader) -> None:
     if dataset.width * dataset.height > PIXEL_LIMIT:
-        raise PhotoError(_too_large(path, dataset.width, dataset.height))
+        raise _too_large(path, dataset.width, dataset.height)
 
 
-def _too_large(path: Path, width: int, height: int) -> str:
-    return (
-        f"{shown(path)} claims {width} x {height} px, which is {width * height / 1e9:.1f} gigapixels; "
-        f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine."
-    )
+def _too_large(path: Path, width: int, height: int) -> ContentError:
+    claim = f"claims {width} x {height} px, which is {width * height / 1e9:.1f} gigapixels"
+    advice = f"more than {PIXEL_LIMIT / 1e9:g} gigapixels are refused unread, so split it into parts if it is genuine"
+    return ContentError(shown(path), claim, advice)
 
 
 def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
@@ -302,11 +317,11 @@ def _colour_bands(path: Path, dataset: rasterio.DatasetReader) -> int:
     meanings = dataset.colorinterp
     bands = sum(meaning != ColorInterp.alpha for meaning in meanings)
     if ColorInterp.palette in meanings:
-        raise PhotoError(f"{shown(path)} has a colour palette; save it as grey or RGB.")
+        raise ContentError(shown(path), "has a colour palette", "save it as grey or RGB")
     if bands not in (1, 3):
-        raise PhotoError(f"{shown(path)} has {bands} bands; save it as grey (1 band) or RGB (3 bands).")
+        raise ContentError(shown(path), f"has {bands} bands", "save it as grey (1 band) or RGB (3 bands)")
     if any(dtype not in ("uint8", "uint16") for dtype in dataset.dtypes):
-        raise PhotoError(f"{shown(path)} holds {dataset.dtypes[0]} values; save it with 8 or 16 bits per band.")
+        raise ContentError(shown(path), f"holds {dataset.dtypes[0]} values", "save it with 8 or 16 bits per band")
     return bands
 
 
@@ -314,7 +329,7 @@ def _check_jpeg_end(path: Path) -> None:
     """A complete JPEG has an end-of-image marker after its last scan; the thumbnail's marker, in the header, does not count."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         if content.rfind(b"\xff\xd9", _first_scan(content)) < 0:
-            raise PhotoError(_truncated(path, "the end-of-image marker of a JPEG is missing"))
+            raise _truncated(path, "the end-of-image marker of a JPEG is missing")
 
 
 _FAULTS = {
@@ -328,10 +343,14 @@ _FAULTS = {
 
 
 def picture_fault(path: Path) -> str:
-    """What is wrong with the picture of a JPEG, and where; empty for a sound one and for other formats, whose decoders find faults.
-    Raises PhotoError for a file that cannot be read."""
+    """What is wrong with the picture of a JPEG, and where; empty for a sound one, for other formats, whose decoders find faults,
+    and for files that hold none, which their headers tell. Raises PhotoError for a file that cannot be read."""
+    try:
+        start = _first_bytes(path)
+    except ContentError:
+        return ""
     # Decoders go on behind damage with a picture that is displaced and recoloured: matched, it would be a wrong surface.
-    broken = broken_jpeg(path.read_bytes()) if _first_bytes(path).startswith(b"\xff\xd8\xff") else None
+    broken = broken_jpeg(path.read_bytes()) if start.startswith(b"\xff\xd8\xff") else None
     if broken is None:
         return ""
     where = f"at {100 * broken.share:.0f} % of its height or before" if broken.share < 1 else "somewhere"
@@ -367,11 +386,20 @@ def _check_png_end(path: Path) -> None:
         # The end chunk is 12 bytes; cameras and editors append a few more after it.
         file.seek(max(os.path.getsize(path) - 4096, 0))
         if b"IEND\xaeB`\x82" not in file.read():
-            raise PhotoError(_truncated(path, "the end chunk of a PNG is missing"))
+            raise _truncated(path, "the end chunk of a PNG is missing")
+
+
+def _check_tiff_end(path: Path, dataset: rasterio.DatasetReader) -> None:
+    """The last block of a TIFF, where the file says that it lies, ends within the file."""
+    rows, cols = dataset.block_shapes[-1]
+    last = f"{(dataset.width - 1) // cols}_{(dataset.height - 1) // rows}"
+    ends = [dataset.get_tag_item(f"BLOCK_{what}_{last}", "TIFF", bidx=dataset.count) for what in ("OFFSET", "SIZE")]
+    if None not in ends and sum(map(int, ends)) > os.path.getsize(path):
+        raise _truncated(path, "the pixels of a TIFF go on beyond its end")
 
 
 _END_CHECKS = {"JPEG": _check_jpeg_end, "PNG": _check_png_end}
 
 
-def _truncated(path: Path, sign: str) -> str:
-    return f"{shown(path)} is truncated ({os.path.getsize(path)} bytes, {sign}); copy it again from the camera."
+def _truncated(path: Path, sign: str) -> ContentError:
+    return ContentError(shown(path), f"is truncated ({os.path.getsize(path)} bytes, {sign})", COPY_AGAIN)

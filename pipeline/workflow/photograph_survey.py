@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 from orthomill.pipeline.storage.file_names import shown
-from orthomill.pipeline.storage.image_files import read_header
+from orthomill.pipeline.storage.image_files import header_or_fault
 from orthomill.pipeline.storage.photographs.folder_listing import (
     Listing,
     image_files,
@@ -22,7 +22,7 @@ from orthomill.pipeline.storage.photographs.folder_listing import (
 )
 from orthomill.pipeline.workflow.camera_tags import camera_name, focal_mm, longitude_latitude
 from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_beside
-from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
+from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError, first_of
 from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PhotoFolder
@@ -84,34 +84,29 @@ class Survey:
 
 def survey_photographs(photos: Path, root: Path) -> Survey:
     """Read the headers of all photographs of a folder; one outside of `root` is linked into it. Raises WorkflowError, or PhotoError
-    naming every unusable file."""
+    where no file is a photograph that can be used."""
     folder, linked = _inside(photos, root)
     return replace(survey_folder(folder, root), linked=linked)
 
 
 def survey_folder(folder: str, root: Path) -> Survey:
-    """Read the headers of all photographs of a folder, which may lie outside of the root. Raises WorkflowError, or PhotoError
-    naming every unusable file."""
+    """Read the headers of all photographs of a folder, which may lie outside of the root. Raises WorkflowError, or PhotoError where
+    no file is a photograph that can be used. Others are among the headers, with what is wrong with them."""
     source = _source(folder, root)
     files = image_files(root, source)
-    headers, problems = [], []
-    # All files are read before anything is refused: a card with twenty damaged files is reported once, not twenty times.
-    for file in files:
-        try:
-            headers.append(read_header(root / file).model_copy(update={"path": file}))
-        except PhotoError as error:
-            problems.append(str(error))
-    if problems:
-        raise PhotoError("\n".join(problems))
-    if len(headers) < 2:
-        raise WorkflowError(
-            f"{files[0]} is the only photograph in {shown(Path(folder))}; heights come from overlap, so at least two "
-            "photographs of the same ground are needed."
-        )
+    headers = [header_or_fault(root / file).model_copy(update={"path": file}) for file in files]
+    sound = [header for header in headers if not header.unusable]
+    if len(sound) < 2:
+        faults = [f"{header.path} {header.unusable}." for header in headers if header.unusable]
+        if not sound:
+            raise PhotoError(first_of(faults))
+        only = f"{sound[0].path} is the only photograph in {shown(Path(folder))} that can be used"
+        advice = "heights come from overlap, so at least two photographs of the same ground are needed."
+        raise WorkflowError(first_of([f"{only}; {advice}", *faults]))
     # The same way as `_inside`: a link inside of the project is no way out of it.
     top = Path(os.path.abspath(root))
-    names = tuple(Path(header.path).stem for header in headers)
-    beside = look_beside(top / folder, top, {(h.width, h.height) for h in headers}, names)
+    names = tuple(Path(header.path).stem for header in sound)
+    beside = look_beside(top / folder, top, {(h.width, h.height) for h in sound}, names)
     left_out = left_out_lines(with_those_below(root, source, list_folder(root, source)))
     return Survey(source, tuple(headers), beside, tuple(left_out))
 

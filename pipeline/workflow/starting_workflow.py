@@ -52,8 +52,8 @@ def _asks(stage: type[Stage]) -> bool:
 
 
 def only_photographs(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
-    """A look that finds nothing and sets nothing aside."""
-    return FirstLook(findings=(), used=tuple(header.path for header in headers))
+    """A look that finds nothing and sets aside what is no photograph."""
+    return FirstLook(findings=(), used=tuple(header.path for header in headers if not header.unusable))
 
 
 def write_starting_workflow(

@@ -174,12 +174,12 @@ def _places(photographs: Any, root: Path) -> list[tuple[float, float]]:
     """Longitude and latitude of the first photographs that have them."""
     if not isinstance(photographs, PhotoFolder | PhotoList):
         return []
-    from orthomill.pipeline.storage.image_files import read_header  # loads GDAL, which no other check of the text needs
+    from orthomill.pipeline.storage.image_files import header_or_fault  # loads GDAL, which no other check of the text needs
 
     # Three headers are enough to find the site, and a damaged photograph is reported elsewhere.
     try:
         files = image_files(root, photographs)[:3]
-        return [place for file in files if (place := longitude_latitude(read_header(root / file).tags))]
+        return [place for file in files if (place := longitude_latitude(header_or_fault(root / file).tags))]
     except (OrthomillError, ValueError):  # a path with a null character has its own sentence
         return []
 

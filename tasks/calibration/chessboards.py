@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthomill.schemas.camera import LENSES, Camera, LensKind
-from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.errors import PhotoError, some_of
 from orthomill.schemas.photo import Header
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCorners
@@ -51,7 +51,9 @@ class CalibratedBoards(NamedTuple):
 
 
 def index_board_photos(headers: tuple[Header, ...]) -> BoardPhotos:
-    """The calibration photographs. Raises PhotoError when their sizes differ."""
+    """The calibration photographs. Raises PhotoError for files that hold none, and when their sizes differ."""
+    if unusable := [f"{header.path} {header.unusable}" for header in headers if header.unusable]:
+        raise PhotoError(f"{some_of(unusable, 3)}; copy them again from the camera, or remove them from the photographs.")
     # One interior orientation has one pixel grid: a resized or turned photograph would need another.
     size = (headers[0].width, headers[0].height)
     others = [header.path for header in headers if (header.width, header.height) != size]

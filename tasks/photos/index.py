@@ -29,7 +29,7 @@ from orthomill.tasks.photos.rolling_shutter import readout_s, stated_speed
 from orthomill.tasks.photos.scans import Fitted, Scans, in_mark_frame, in_principal_frame
 from orthomill.tasks.photos.sensors import sensor_width_mm
 from orthomill.tasks.photos.sorting.names_apart import named_apart
-from orthomill.tasks.photos.sorting.set_aside import without_damaged, without_others
+from orthomill.tasks.photos.sorting.set_aside import without_damaged, without_others, without_unusable
 from orthomill.tasks.photos.tags.attitudes import attitude_of, on_map
 from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_camera, was_dewarped, written_width
 from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
@@ -159,6 +159,7 @@ def index_photos(
     WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
+    headers, unusable = without_unusable(headers, limits.smallest_side)
     headers, damaged = without_damaged(headers, pictures)
     headers, aside = without_others(headers, limits.band)
     refusals = [sentence for header in headers if (sentence := _refusal(header, limits))]
@@ -169,7 +170,8 @@ def index_photos(
     photos = _with_sensors(with_calibrations(with_serials(shared_equivalents(photos))))
     photos = with_flights(with_one_clock(photos, headers))
     photos, about_heights = with_one_sign(photos)
-    remarks += [*damaged, *aside, *_rotated_without_flag(photos), *_about_tags(headers, photos, positions), *about_heights]
+    remarks += [*unusable, *damaged, *aside, *_rotated_without_flag(photos)]
+    remarks += [*_about_tags(headers, photos, positions), *about_heights]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
     photos = found.photos
     refuse_unfit_map(photos, crs)
@@ -235,9 +237,6 @@ def _refusal(header: Header, limits: Limits) -> str | None:
             f"{header.path} has {megapixels:.1f} megapixels ({header.width} x {header.height}), "
             f"more than the {limits.megapixels:g} that are allowed; raise max_megapixels of the stage photos if the file is meant."
         )
-    if min(header.width, header.height) < limits.smallest_side:
-        size = f"{header.width} x {header.height} pixels"
-        return f"{header.path} is only {size}, too small for a photograph (at least {limits.smallest_side} are needed)."
     if header.bands not in (1, 3):
         return f"{header.path} has {header.bands} bands; grey (1) and RGB (3) can be read, with an alpha band or without."
     if header.dtype not in ("uint8", "uint16"):

@@ -61,16 +61,16 @@ def test_a_folder_without_photographs_is_reported(site):
     assert "photos" in run_site() and "JPEG, TIFF or PNG" in run_site()
 
 
-def test_a_truncated_jpeg_is_named(site):
+def test_what_is_no_photograph_is_set_aside_and_named(site):
     photo = photographs(site)[1]
     photo.write_bytes(photo.read_bytes()[:20000])
-    said = run_site()
-    assert f"photos/{photo.name} is truncated" in said and "copy it again" in said
-
-
-def test_a_text_file_called_jpg_is_named(site):
     (site / "photos" / "notes.jpg").write_text("bring a longer pole next time")
-    assert "photos/notes.jpg is not a JPEG, TIFF or PNG image but plain text" in run_site()
+    said = command("run", "site", "--sequential", "--until", "photos")
+    assert f"2 files set aside: photos/{photo.name} is truncated (20000 bytes" in said
+    assert "photos/notes.jpg is not a JPEG, TIFF or PNG image but plain text" in said
+    for other in photographs(site):
+        other.write_bytes(b"")
+    assert "No file is a photograph that can be used. 4 files set aside" in run_site()
 
 
 def test_a_single_photo_is_not_a_project(site):

@@ -16,7 +16,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from orthomill.pipeline.storage.photographs.file_kinds import EXTRA, RAW_SUFFIXES
-from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.errors import ContentError
 
 Other = Literal["heif", "raw"]
 _BRANDS = (b"heic", b"heix", b"hevc", b"heim", b"heis", b"mif1", b"msf1")
@@ -42,7 +42,7 @@ def other_format(path: Path, start: bytes) -> Other | None:
 
 
 def read_other_header(path: Path, name: str, other: Other) -> OtherHeader:
-    """The header of a photograph. `name`: as the user knows it. Raises PhotoError."""
+    """The header of a photograph. `name`: as the user knows it. Raises ContentError."""
     with _library(name, other) as library:
         if other == "heif":
             picture = library.open_heif(path, convert_hdr_to_8bit=True)
@@ -52,7 +52,7 @@ def read_other_header(path: Path, name: str, other: Other) -> OtherHeader:
 
 
 def read_other_pixels(path: Path, name: str, other: Other) -> np.ndarray:
-    """All pixels (rows, cols, 3). Raises PhotoError."""
+    """All pixels (rows, cols, 3). Raises ContentError."""
     with _library(name, other) as library:
         if other == "heif":
             picture = library.open_heif(path, convert_hdr_to_8bit=True)
@@ -65,15 +65,15 @@ def read_other_pixels(path: Path, name: str, other: Other) -> np.ndarray:
 def _library(name: str, other: Other) -> Iterator[Any]:
     """The library for a format; whatever it raises is one sentence."""
     if not find_spec(_LIBRARIES[other]):
-        raise PhotoError(f"{name} is a {'HEIC' if other == 'heif' else 'raw'} photograph; {EXTRA}.")
+        raise ContentError(name, f"is a {'HEIC' if other == 'heif' else 'raw'} photograph", EXTRA)
     library: Any = __import__(_LIBRARIES[other])
     refusals = (ValueError, RuntimeError, EOFError, SyntaxError, OSError, *((library.LibRawError,) if other == "raw" else ()))
     try:
         yield library
     except refusals as error:
-        raise PhotoError(
-            f"{name} cannot be read as a {'HEIC' if other == 'heif' else 'raw'} photograph ({error}); copy it again from the "
-            "camera, or save it as JPEG."
+        kind = "HEIC" if other == "heif" else "raw"
+        raise ContentError(
+            name, f"cannot be read as a {kind} photograph ({error})", "copy it again from the camera, or save it as JPEG"
         ) from error
 
 

@@ -24,6 +24,7 @@ _WORST_FIT_PX = 2.0
 _GRAVE = (
     PhotoRemarkCode.POSITIONS_FAR_APART,
     PhotoRemarkCode.STRAY_POSITION,
+    PhotoRemarkCode.UNUSABLE_FILE,
     PhotoRemarkCode.DAMAGED_PICTURE,
     PhotoRemarkCode.NO_ALTITUDE,
     PhotoRemarkCode.DAMAGED_TAGS,

@@ -1,5 +1,5 @@
-"""Photographs that do not belong to a block, whatever they show: damaged ones, panoramas, and the other bands of a multispectral
-camera."""
+"""Photographs that do not belong to a block, whatever they show: files that hold none, damaged ones, panoramas, and the other bands
+of a multispectral camera."""
 
 from pathlib import PurePath
 
@@ -7,7 +7,13 @@ from orthomill.schemas.errors import PhotoError, some_of
 from orthomill.schemas.photo import Header, PhotoRemark, PhotoRemarkCode, Soundness
 from orthomill.tasks.photos.sorting.bands import COLOUR, OneBlock, one_block
 
-SET_ASIDE = (PhotoRemarkCode.OTHER_BANDS, PhotoRemarkCode.THERMAL, PhotoRemarkCode.PANORAMA, PhotoRemarkCode.DAMAGED_PICTURE)
+SET_ASIDE = (
+    PhotoRemarkCode.OTHER_BANDS,
+    PhotoRemarkCode.THERMAL,
+    PhotoRemarkCode.PANORAMA,
+    PhotoRemarkCode.UNUSABLE_FILE,
+    PhotoRemarkCode.DAMAGED_PICTURE,
+)
 """the remarks that are made here"""
 
 
@@ -19,6 +25,8 @@ def set_aside_sentence(remark: PhotoRemark) -> str:
             f"{number} set aside: {some_of(remark.photos, 3)}, {'panoramas' if len(remark.photos) > 1 else 'a panorama'} "
             f"({', '.join(remark.words)}), which no frame camera took in one exposure."
         )
+    if remark.code is PhotoRemarkCode.UNUSABLE_FILE:
+        return f"{number} set aside: {some_of([' '.join(pair) for pair in zip(remark.photos, remark.words, strict=True)], 5)}."
     if remark.code is PhotoRemarkCode.DAMAGED_PICTURE:
         faults = [f"{path} is {fault}" for path, fault in zip(remark.photos, remark.words, strict=True)]
         return f"{number} set aside: {some_of(faults, 3)}. Copy {'them' if len(faults) > 1 else 'it'} again from the camera."
@@ -51,9 +59,27 @@ def without_others(headers: tuple[Header, ...], band: str | None = None) -> OneB
     )
 
 
+def without_unusable(headers: tuple[Header, ...], smallest_side: int) -> OneBlock:
+    """The photographs that can be used: whole files, of `smallest_side` px at least. Raises PhotoError where there are none."""
+    faults = {header.path: fault for header in headers if (fault := header.unusable or _too_small(header, smallest_side))}
+    if not faults:
+        return OneBlock(headers, ())
+    aside = PhotoRemark(code=PhotoRemarkCode.UNUSABLE_FILE, photos=tuple(faults), words=tuple(faults.values()))
+    if len(faults) == len(headers):
+        raise PhotoError(f"No file is a photograph that can be used. {set_aside_sentence(aside)}")
+    return OneBlock(tuple(header for header in headers if header.path not in faults), (aside,))
+
+
+def _too_small(header: Header, smallest_side: int) -> str:
+    size = f"{header.width} x {header.height} pixels"
+    too_small = min(header.width, header.height) < smallest_side
+    return f"has only {size}, too few for a photograph (at least {smallest_side} a side are needed)" if too_small else ""
+
+
 def without_damaged(headers: tuple[Header, ...], pictures: tuple[Soundness, ...]) -> OneBlock:
     """The photographs whose pictures are not damaged. Raises PhotoError where all are."""
-    faults = {picture.path: picture.fault for picture in pictures if picture.fault}
+    known = {header.path for header in headers}
+    faults = {picture.path: picture.fault for picture in pictures if picture.fault and picture.path in known}
     if not faults:
         return OneBlock(headers, ())
     aside = PhotoRemark(code=PhotoRemarkCode.DAMAGED_PICTURE, photos=tuple(faults), words=tuple(faults.values()))

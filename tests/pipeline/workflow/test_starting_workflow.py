@@ -178,14 +178,21 @@ def test_folders_and_names_that_will_not_do(root):
     assert not (root / "workflows").exists()
 
 
-def test_every_file_that_is_no_photograph_is_named(root):
+def test_files_that_are_no_photographs_are_set_aside_and_named_where_nothing_is_left(root):
     (root / "photos" / "notes.jpg").write_text("notes")
-    broken = root / "photos" / "DJI_0.JPG"
-    broken.write_bytes(broken.read_bytes()[:-500])
-    with pytest.raises(PhotoError) as caught:
-        write_starting_workflow("site", root / "photos", root, CATALOGUE)
-    first, second = str(caught.value).splitlines()
-    assert "DJI_0.JPG is truncated" in first and "notes.jpg is not a JPEG" in second
+    (root / "photos" / "empty.jpg").touch()
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE)
+    assert "Photographs: 3 JPEG of 64 x 48 px (RGB, 8 bits); 2 more set aside." in found_lines(start.survey, start.look)
+    assert "3 photographs" in start.path.read_text()
+    for broken in sorted((root / "photos").glob("DJI*"))[:2]:
+        broken.write_bytes(broken.read_bytes()[:-500])
+    with pytest.raises(WorkflowError) as caught:
+        write_starting_workflow("other", root / "photos", root, CATALOGUE)
+    first, second, *_, last = str(caught.value).splitlines()
+    assert "DJI_2.JPG is the only photograph" in first and "DJI_0.JPG is truncated" in second and "notes.jpg is not a JPEG" in last
+    (root / "photos" / "DJI_2.JPG").unlink()
+    with pytest.raises(PhotoError, match="is truncated"):
+        write_starting_workflow("other", root / "photos", root, CATALOGUE)
 
 
 def test_mixed_cameras_and_missing_positions_are_remarked_upon(root):
