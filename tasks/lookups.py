@@ -13,15 +13,21 @@ from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_
 from orthomill.tasks.marking.given_points import given_points, marks_of
 from orthomill.tasks.marking.marker import marker_of
 from orthomill.tasks.marking.targets.photo_targets import targets_in
+from orthomill.tasks.orientation.plane.block_on_plane import SURVEY_BLOCK, SURVEY_POINTS
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
+from orthomill.tasks.orientation.results.handover import OrientedProject, handed_files
 
 __all__ = [
+    "SURVEY_BLOCK",
+    "SURVEY_POINTS",
     "Inspector",
+    "OrientedProject",
     "StoredCovariance",
     "SurveyedPoint",
     "accepted",
     "classical_forms",
     "given_points",
+    "handed_files",
     "inspected",
     "look_ahead",
     "marker_of",

@@ -10,14 +10,26 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
+if TYPE_CHECKING:
+    from orthomill.pipeline.export.block_folder import BlockMethods
+
 _PRODUCTS = {"map": ("ortho",), "picture": ("ortho",), "tiles": ("ortho",), "relief": ("terrain", "dsm"), "points": ("points",)}
 """what is exported unless another product is named"""
+
+
+Methods = Callable[[], "BlockMethods"]
+"""loads the photogrammetry, which only some formats need"""
+
+
+def _none() -> "BlockMethods":
+    raise StoreError("The methods for the oriented photographs are not at hand; use the command `orthomill export`.")
 
 
 @dataclass(frozen=True)
@@ -32,9 +44,11 @@ class Asked:
     sheets: str | None = None
 
 
-def export_as(asked: Asked, folder: Path) -> Path:
-    """Makes the file or folder in the run's `folder`; its path. Raises WorkflowError, StoreError, and ResourceError where the disk
-    refuses."""
+def export_as(asked: Asked, folder: Path, methods: Methods = _none) -> Path:
+    """Makes the file or folder in the run's `folder`; its path. `methods` gives what makes files for other programs.
+
+    Raises WorkflowError, StoreError, and ResourceError where the disk refuses.
+    """
     form = BY_NAME.get(asked.kind)
     if form is None:
         raise WorkflowError(f"--as {asked.kind} is not known; formats are {', '.join(BY_NAME)}.")
@@ -44,7 +58,7 @@ def export_as(asked: Asked, folder: Path) -> Path:
     path = folder / (asked.path or f"products/exported/{product.stem if product else form.stem}{ending}")
     if not path.resolve().is_relative_to(folder.resolve()):
         raise WorkflowError(f"{asked.path} is outside the run's folder {folder}; name a path inside it.")
-    write = _writer(asked, form, product, folder)
+    write = _writer(asked, form, product, folder, methods)
     _written_whole(path, write)
     return path
 
@@ -97,7 +111,9 @@ def _written_whole(path: Path, write: Callable[[Path], None]) -> None:
         ) from error
 
 
-def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path) -> Callable[[Path], None]:
+def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path, methods: Methods) -> Callable[[Path], None]:
+    if form.group == "block":
+        return lambda path: _write_block(form.name, path, Store(folder), methods)
     if form.group == "layers":
         return lambda path: _write_layers(form.name, path, Store(folder))
     assert product is not None
@@ -106,6 +122,12 @@ def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path
     if asked.sheets:
         return lambda path: _write_sheets(asked, form, product, path)
     return lambda path: _write_product(form, product, path, asked.wanted)
+
+
+def _write_block(program: str, path: Path, store: Store, methods: Methods) -> None:
+    from orthomill.pipeline.export.block_folder import write_block
+
+    write_block(path, program, store, methods())
 
 
 def _write_points(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:

@@ -41,6 +41,11 @@ FORMATS = (
     ExportFormat("copc", "points", ".copc.laz", "the same as an octree in one file", "QGIS, PDAL, web viewers", _CLOUD),
     ExportFormat("ept", "points", "_ept", "the same as a folder of Entwine tiles", "WebODM, Potree, QGIS, PDAL", _CLOUD),
     ExportFormat("cameras", "layers", ".gpkg", "photographs, footprints, control, residuals", "QGIS, ArcGIS", stem="cameras"),
+    ExportFormat("colmap", "block", "", "undistorted photographs with a COLMAP project", "COLMAP, splatting", stem="colmap"),
+    ExportFormat("openmvs", "block", "", "undistorted photographs with a scene of OpenMVS", "OpenMVS", stem="openmvs"),
+    ExportFormat("odm", "block", "", "shots.geojson, cameras.json, geo.txt, gcp_list.txt", "OpenDroneMap, WebODM", stem="odm"),
+    ExportFormat("metashape", "block", "", "cameras.xml with lens and poses", "Agisoft Metashape", stem="metashape"),
+    ExportFormat("pix4d", "block", "", "external and internal parameters, matrices", "Pix4D, SURE, many scripts", stem="pix4d"),
     ExportFormat("kml", "layers", ".kml", "photographs and footprints on the globe", "Google Earth, QGIS", stem="cameras"),
 )
 BY_NAME = {one.name: one for one in FORMATS}

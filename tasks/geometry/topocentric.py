@@ -40,6 +40,11 @@ class Topocentric:
         up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
         self._axes = np.array([east, north, up])
 
+    @property
+    def on_earth(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation (3, 3) and origin (3,) m that lead to geocentric coordinates (EPSG:4978)."""
+        return self._axes.T, self._origin
+
     def to_map(self, points: np.ndarray) -> np.ndarray:
         """East, north, up (N, 3) m to X, Y, height (N, 3)."""
         earth = points @ self._axes + self._origin

@@ -11,6 +11,7 @@ from orthomill.pipeline.cli.terminal import Debug, Name, out, plain_errors
 from orthomill.pipeline.export.export_formats import names_in_words
 
 if TYPE_CHECKING:
+    from orthomill.pipeline.export.block_folder import BlockMethods
     from orthomill.pipeline.report.first_page import FirstPage
 
 products = typer.Typer()
@@ -86,8 +87,15 @@ def _export_as(name: str, asked: tuple, debug: bool) -> None:
     from orthomill.pipeline.cli.projects import load_project
 
     with plain_errors(debug):
-        made = export_as(Asked(*asked), load_project(name).run_folder)
+        made = export_as(Asked(*asked), load_project(name).run_folder, _block_methods)
         out.print(str(made), soft_wrap=True)
+
+
+def _block_methods() -> "BlockMethods":
+    from orthomill.pipeline.export.block_folder import BlockMethods
+    from orthomill.tasks.lookups import SURVEY_BLOCK, SURVEY_POINTS, OrientedProject, handed_files
+
+    return BlockMethods(OrientedProject, handed_files, (SURVEY_BLOCK, SURVEY_POINTS))
 
 
 @products.command()

@@ -111,7 +111,7 @@ def write_opensfm(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
         str(i): {"color": [128.0, 128.0, 128.0], "coordinates": xyz} for i, xyz in enumerate(frame.from_map(block.points).tolist())
     }
     place = {"reference_lla": asdict(reference)} if reference else {}
-    cameras = {camera.name: _camera_values(camera) for camera in block.cameras.values()}
+    cameras = {camera.name: camera_values(camera) for camera in block.cameras.values()}
     # Half a million points: Python's own encoder takes ten times as long as soon as it indents.
     return to_json([{"cameras": cameras, "shots": shots, "points": points, **place}], indent=1).decode()
 
@@ -148,7 +148,8 @@ def _shot(pose: ForeignPose, camera: str, frame: Topocentric | _Unplaced) -> dic
     }
 
 
-def _camera_values(camera: Camera) -> dict[str, Any]:
+def camera_values(camera: Camera) -> dict[str, Any]:
+    """A camera as OpenSfM and OpenDroneMap have it; with the projection "unknown" where they lack its lens."""
     longer = max(camera.width, camera.height)
     projection = {"brown": "brown", "fisheye": "fisheye_opencv"}.get(camera.lens.kind)
     if projection is None:

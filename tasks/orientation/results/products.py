@@ -12,6 +12,7 @@ from orthomill.tasks.orientation.interchange.angles_csv import write_angles
 from orthomill.tasks.orientation.interchange.colmap import write_colmap
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED, ForeignBlock, ForeignPose, file_view
 from orthomill.tasks.orientation.interchange.opensfm import write_opensfm
+from orthomill.tasks.orientation.interchange.pinhole_model import origin_of
 
 
 class Text(BaseModel):
@@ -41,9 +42,7 @@ def block_products(photos: Photos, block: Block, points: GroundPoints) -> dict[s
     """The texts by the names of PRODUCTS. Other programs get the photographs as their files are, not upright."""
     foreign = outgoing(photos, block, points)
     files = {name: photos[name].path.rpartition("/")[2] for name in block.names}
-    # Viewers and dense matchers keep coordinates in float32, where millions of metres cost decimetres. Heights stay as they are.
-    origin = np.round(np.mean([photo.centre for photo in block.photos], axis=0) / 100.0) * 100.0
-    origin[2] = 0.0
+    origin = origin_of(block)
     texts = {
         "exterior_orientation.csv": write_angles(block),
         **write_colmap(foreign, files, origin, block.crs),

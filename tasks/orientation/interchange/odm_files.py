@@ -1,0 +1,101 @@
+"""What OpenDroneMap and WebODM read and write of a block: shots.geojson, cameras.json, geo.txt, gcp_list.txt, check_list.txt.
+
+Rotations are vectors from the axes of the map to a camera that looks along z with y down; photographs are those of their files.
+Source: OpenDroneMap, opendm/shots.py, and its documentation ("Image geolocation files", "Ground control points").
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+from pyproj import CRS, Transformer
+
+from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.observations import Control
+from orthomill.schemas.photo import Photos
+from orthomill.tasks.geometry.camera_change import TURN
+from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
+from orthomill.tasks.geometry.rotation_vector import vector_of_rotation
+from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock
+from orthomill.tasks.orientation.interchange.opensfm import camera_values
+
+
+def odm_files(block: ForeignBlock, files: dict[str, str], control: Control, photos: Photos, crs: str) -> dict[str, bytes]:
+    """Contents by file name; `files`: photograph -> file name. Raises WorkflowError for a block that lies nowhere on the earth, and
+    for lenses that OpenDroneMap lacks."""
+    if not on_earth(crs):
+        raise WorkflowError(
+            "OpenDroneMap needs a place on the earth, and this block has none: give the project positions or control."
+        )
+    texts = {"shots.geojson": _shots(block, files, crs), "cameras.json": _cameras(block), "geo.txt": _places(block, files, crs)}
+    # Check points in a list of their own: whatever stands in gcp_list.txt takes part there.
+    for role, name in (("control", "gcp_list.txt"), ("check", "check_list.txt")):
+        if rows := _marks(control, role, files, photos):
+            texts[name] = "\n".join([_code(crs), *rows]) + "\n"
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def _code(crs: str) -> str:
+    """The plan system as these files name it: a code, or the words of PROJ."""
+    plan = CRS.from_user_input(crs)
+    plan = plan.sub_crs_list[0] if plan.is_compound else plan.to_2d()
+    authority = plan.to_authority()
+    return ":".join(authority) if authority else plan.to_proj4()
+
+
+def _shots(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
+    to_degrees = Transformer.from_crs(ground_crs(crs), CRS.from_epsg(4326), always_xy=True)
+    features = []
+    for name, pose in block.poses.items():
+        camera = block.cameras[name]
+        x, y, z = pose.centre.tolist()
+        known = {
+            "filename": files[name],
+            "focal": camera.c / max(camera.width, camera.height),
+            "width": camera.width,
+            "height": camera.height,
+            "translation": [x, y, z],
+            "rotation": vector_of_rotation(Y_DOWN @ pose.rotation).tolist(),
+        }
+        place = {"type": "Point", "coordinates": [*to_degrees.transform(x, y), z]}
+        features.append({"type": "Feature", "properties": known, "geometry": place})
+    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
+
+
+def _cameras(block: ForeignBlock) -> str:
+    cameras: dict[str, dict[str, Any]] = {}
+    for camera in block.cameras.values():
+        cameras[camera.name] = camera_values(camera)
+        if cameras[camera.name]["projection_type"] == "unknown":
+            raise WorkflowError(
+                f"OpenDroneMap has no lens of the kind {camera.lens.kind} of the camera {camera.name}; export undistorted "
+                "photographs (--as colmap)."
+            )
+    return json.dumps(cameras, indent=1)
+
+
+def _places(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
+    rows = [f"{files[name]} {x:.4f} {y:.4f} {z:.4f}" for name, pose in block.poses.items() for x, y, z in [pose.centre]]
+    return "\n".join([_code(crs), *rows]) + "\n"
+
+
+def _marks(control: Control, role: str, files: dict[str, str], photos: Photos) -> list[str]:
+    rows = []
+    for point in control.points:
+        if point.role != role:
+            continue
+        x, y, z = point.xyz
+        for name, (col, row, _) in point.measurements.items():
+            if name in files:
+                at, down = _in_file(photos, name, col, row)
+                rows.append(f"{x:.4f} {y:.4f} {z:.4f} {at:.3f} {down:.3f} {files[name]} {point.name}")
+    return rows
+
+
+def _in_file(photos: Photos, name: str, col: float, row: float) -> tuple[float, float]:
+    """A pixel of the upright photograph in the file as it is stored."""
+    photo = photos[name]
+    turn = np.array(TURN[photo.exif_orientation])
+    x, y = turn.T @ (col - (photo.width - 1) / 2, (photo.height - 1) / 2 - row)
+    width, height = (photo.height, photo.width) if photo.exif_orientation >= 5 else (photo.width, photo.height)
+    return x + (width - 1) / 2, (height - 1) / 2 - y
