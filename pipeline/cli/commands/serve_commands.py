@@ -35,7 +35,7 @@ def serve(
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
-        reserve = int(reserve_gigabytes * 1e9)
+        reserve, most = int(reserve_gigabytes * 1e9), int(task_gigabytes * 1e9)
         settings = NodeSettings(
             home=folder.resolve(),
             host=host,
@@ -44,7 +44,7 @@ def serve(
             certificate=certificate,
             key=key,
             webhooks=webhooks,
-            rules=QueueRules(parallel=tasks, memory=memory, keep_days=keep_days, reserve=reserve),
-            limits=UploadLimits(int(file_gigabytes * 1e9), int(task_gigabytes * 1e9), reserve=reserve),
+            rules=QueueRules(parallel=tasks, memory=memory, keep_days=keep_days, reserve=reserve, most_bytes=most),
+            limits=UploadLimits(int(file_gigabytes * 1e9), most, reserve=reserve),
         )
         serve_node(settings, STAGES, lambda line: err.print(line, soft_wrap=True, markup=False))

@@ -20,6 +20,8 @@ from orthomill.pipeline.serving.node.node_service import NodeService
 WRONG = "Invalid authentication token. Do you need to add a ?token=???"
 OPEN = frozenset({"/", "/login", "/health"})
 """paths that answer without a token, and tell nothing of the tasks"""
+VIEW = "/view/"
+"""paths that have a ticket in them"""
 NOTHING = "default-src 'none'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 """policy of what is no page"""
 LOOK_EVERY, TIDY_EVERY = 0.5, 600.0
@@ -40,7 +42,7 @@ class TokenGuard:
         token = self._token(HTTPConnection(scope))
         scope.setdefault("state", {})["token"] = token
         answer: ASGIApp = self._application
-        if token is None and scope["path"] not in OPEN:
+        if token is None and scope["path"] not in OPEN and not scope["path"].startswith(VIEW):
             answer = JSONResponse({"error": WRONG}, 401)
         await answer(scope, receive, _with_headers(send))
 
@@ -62,7 +64,7 @@ def _with_headers(send: Send) -> Send:
             headers.setdefault("cache-control", "no-store")
             headers["x-content-type-options"] = "nosniff"
             headers["referrer-policy"] = "no-referrer"
-            headers["cross-origin-resource-policy"] = "same-origin"
+            headers.setdefault("cross-origin-resource-policy", "same-origin")
         await send(message)
 
     return sent

@@ -5,7 +5,6 @@ import uuid as uuids
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
@@ -166,7 +165,7 @@ class NodeService:
             "processingTime": state.processing_time,
             "status": status,
             "options": [option.model_dump() for option in state.options],
-            "imagesCount": state.images or progress.images,
+            "imagesCount": state.images + (0 if state.status.ended else progress.images),
             "progress": round(100 * share, 2),
             **output,
         }
@@ -198,10 +197,3 @@ class NodeService:
 
 def _no_object_store(address: str) -> str:
     raise WorkflowError("This node reads from and writes to no object store; it is started with --s3 s3://bucket/prefix for that.")
-
-
-def page_file(folder: TaskFolder, name: str) -> Path | None:
-    """A page that a run has left for people."""
-    names = {"report.html": folder.run / "report.html", "tiles.html": folder.run / "tiles.html"}
-    path = names.get(name)
-    return path if path is not None and path.is_file() else None

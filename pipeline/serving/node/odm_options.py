@@ -137,6 +137,10 @@ def _gps(value: Any, taken: Taken) -> None:
     taken.settings |= {"positions.sigma_plan": sigma, "positions.sigma_height": sigma}
 
 
+def _tiled(value: Any, taken: Taken) -> None:
+    taken.more["tiled_cloud"] = truth("pc-ept", value)
+
+
 def _shutter(value: Any, taken: Taken) -> None:
     if truth("rolling-shutter", value):
         taken.settings["orientation.variation.kind"] = "rolling_shutter"
@@ -162,7 +166,7 @@ def _slope(value: Any, taken: Taken) -> None:
 
 
 def _object(value: Any, taken: Taken) -> None:
-    taken.settings["terrain.widest_object"] = _number("smrf-window", value, 1e-3, 1000)
+    taken.settings["terrain.widest_object"] = 2 * _number("smrf-window", value, 1e-3, 500)
 
 
 def _processes(value: Any, taken: Taken) -> None:
@@ -249,12 +253,13 @@ ODM_OPTIONS: dict[str, OdmOption] = {
         _option("use-fixed-camera-params", *_BOOL, "The interior orientation is not adjusted.", _fixed),
         _option("primary-band", "string", "auto", "string", "Of a multispectral camera, the band that makes the block.", _band),
         _option("smrf-slope", "float", "0.15", "float: 0 < x <= 2", "How much ground rises over the width of an object.", _slope),
-        _option("smrf-window", "float", "60", "float: 0 < x <= 1000", "Width of the widest building (m).", _object),
+        _option("smrf-window", "float", "30", "float: 0 < x <= 500", "Half the width of the widest building (m).", _object),
         _option("boundary", "string", "", "json", "GeoJSON polygon in degrees: the surface is made within its extent.", _boundary),
         _option("max-concurrency", "int", "", "positive integer", "Worker processes at most.", _processes),
         _option("cog", "bool", "true", "bool", "Cloud-optimised GeoTIFFs. Maps are always such.", _cog),
+        _option("pc-ept", "bool", "true", "bool", "The points as Entwine tiles too, for viewers of points.", _tiled),
         _option("orthophoto-png", *_BOOL, "The orthoimage as PNG as well.", _picture("orthophoto-png", "png")),
-        _option("tiles", *_BOOL, "The orthoimage as MBTiles as well.", _picture("tiles", "mbtiles")),
+        _option("tiles", *_BOOL, "The orthoimage as tiles of the web (z/x/y) as well.", _picture("tiles", "xyz")),
     )
 }
 

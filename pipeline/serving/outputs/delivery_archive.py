@@ -2,8 +2,10 @@
 
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
 
-from orthomill.pipeline.serving.outputs.asset_files import DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
+from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskState
 from orthomill.pipeline.serving.queue.wishes import Wishes
@@ -11,38 +13,45 @@ from orthomill.schemas.errors import OrthomillError
 
 _MAPS = (("ortho.tif", ORTHO, 4), ("dsm.tif", DSM, 1), ("terrain.tif", DTM, 1))
 """products, their places, and how many of their bands clients show"""
-_PICTURES = {"png": "odm_orthophoto/odm_orthophoto.png", "mbtiles": "odm_orthophoto/odm_orthophoto.mbtiles"}
-_EXACT = (
-    ("dsm.tif", "heights with their standard errors"),
-    ("dsm_check.tif", "where the surface was checked, and by how much it was wrong"),
-    ("dsm_provenance.tif", "codes: measured, estimated, and from what"),
-    ("accuracy.json", "the statement of accuracy"),
-    ("summary.json", "every figure of the report by its name"),
-)
+_EXACT = {
+    "dsm.tif": "heights with their standard errors",
+    "dsm_check.tif": "where the surface was checked, and by how much it was wrong",
+    "dsm_provenance.tif": "codes: measured, estimated, and from what",
+    "accuracy.json": "the statement of accuracy",
+    "summary.json": "every figure of the report by its name",
+}
 
 Command = Callable[[list[str]], None]
 """Runs a command of the engine in the task's folder"""
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A file or folder that `orthomill export` makes: format, product, and place in all.zip."""
+
+    kind: str
+    of: str
+    place: str
+
+
+_PICTURES = {"png": _Made("png", "ortho", "odm_orthophoto/odm_orthophoto.png"), "xyz": _Made("xyz", "ortho", "orthophoto_tiles")}
+_EPT = _Made("ept", "points", "entwine_pointcloud")
+_ONE_CLOUD = _Made("laz", "points", CLOUD)
+
+
 def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command: Command, verdict: str) -> list[str]:
     """Write all.zip; lines that name what is in it. Raises StoreError where there is no room for it."""
     lines: list[str] = []
-    made = list(_maps(folder, wishes, lines)) + list(_pictures(folder, wishes, command, lines))
+    made = list(_maps(folder, wishes, lines))
+    for wanted in _exports(folder, wishes):
+        made += _exported(folder, wanted, command, lines)
     chosen = list(wanted_only(assets(folder.run, made), state.outputs))
-    log = {
-        "engine": "orthomill",
-        "name": state.name,
-        "options": [option.model_dump() for option in state.options],
-        "verdict": verdict,
-    }
+    given = [option.model_dump() for option in state.options]
+    log = {"engine": "orthomill", "name": state.name, "options": given, "verdict": verdict}
     texts = {"task_output.txt": "\n".join(folder.lines()) + "\n", "log.json": json.dumps(log, indent=1)}
     places = write_archive(folder.results, chosen, texts)
-    lines += [
-        f"{OWN}/{place}: {what}."
-        for name, what in _EXACT
-        for place in [next((p.removeprefix(f"{OWN}/") for p in places if p in (f"{OWN}/{name}", f"{OWN}/products/{name}")), "")]
-        if place
-    ]
+    own = {Path(place).name: place for place in places if place.startswith(f"{OWN}/")}
+    lines += [f"{own[name]}: {what}." for name, what in _EXACT.items() if name in own]
     lines.append(f"all.zip holds {len(places)} files, {folder.results.stat().st_size / 1e6:.1f} MB.")
     return lines
 
@@ -61,13 +70,26 @@ def _maps(folder: TaskFolder, wishes: Wishes, lines: list[str]) -> Iterator[Asse
         yield Asset(target, place)
 
 
-def _pictures(folder: TaskFolder, wishes: Wishes, command: Command, lines: list[str]) -> Iterator[Asset]:
-    """The orthoimage in other formats, by `orthomill export`; what cannot be made is told and fails nothing."""
-    for kind in wishes.pictures:
-        path = folder.run / "products" / "exported" / f"client.{kind}"
-        try:
-            command(["export", folder.run.name, path.relative_to(folder.run).as_posix(), "--as", kind, "--of", "ortho"])
-        except OrthomillError as error:
-            lines.append(f"Not made: {_PICTURES[kind]}: {error}")
-            continue
-        yield Asset(path, _PICTURES[kind])
+def _exports(folder: TaskFolder, wishes: Wishes) -> Iterator[_Made]:
+    products = folder.run / "products"
+    if (products / "ortho.tif").is_file():
+        yield from (_PICTURES[kind] for kind in wishes.pictures)
+    # The points of a large surface are a folder of files; clients know one.
+    if (products / "points").is_dir():
+        yield _ONE_CLOUD
+    if wishes.tiled_cloud and ((products / "points").is_dir() or (products / "points.laz").is_file()):
+        yield _EPT
+
+
+def _exported(folder: TaskFolder, wanted: _Made, command: Command, lines: list[str]) -> list[Asset]:
+    """A file, or the files of a folder; what cannot be made is told and fails nothing."""
+    path = folder.run / "products" / "exported" / f"client_{wanted.kind}{Path(wanted.place).suffix}"
+    try:
+        command(["export", folder.run.name, path.relative_to(folder.run).as_posix(), "--as", wanted.kind, "--of", wanted.of])
+    except OrthomillError as error:
+        lines.append(f"Not made: {wanted.place}: {error}")
+        return []
+    if path.is_dir():
+        files = sorted(file for file in path.rglob("*") if file.is_file())
+        return [Asset(file, f"{wanted.place}/{file.relative_to(path).as_posix()}") for file in files]
+    return [Asset(path, wanted.place)]

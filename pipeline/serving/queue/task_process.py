@@ -17,9 +17,11 @@ from pydantic import BaseModel
 
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.serving.outputs.delivery_archive import write_delivery
+from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits, unpacked
 from orthomill.pipeline.serving.queue.task_folder import PROJECT, TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskEnd, TaskState
 from orthomill.pipeline.serving.queue.told_run import ToldRun
+from orthomill.pipeline.serving.queue.upload_names import is_archive
 from orthomill.pipeline.serving.queue.wishes import Wishes, write_wished_workflow
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 
@@ -37,6 +39,10 @@ class TaskOrder(BaseModel):
     engine: tuple[str, ...] = ENGINE
     processes: int = 0
     memory: int = 1500
+    most_files: int = 100_000
+    most_file_bytes: int = 4 * 2**30
+    most_bytes: int = 500 * 2**30
+    reserve: int = 2 * 2**30
 
 
 class _Stopped(Exception):
@@ -67,6 +73,7 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     wishes = read_wishes(folder)
     _end_orphan(folder)
     folder.say(*([f"Continued after an interruption (attempt {state.attempts})."] if state.attempts > 1 else wishes.notes))
+    _unpack(folder, order)
     start, workflow = (folder.path / "workflows" / f"{name}.yaml" for name in ("start", PROJECT))
     if not start.exists():
         workflow.unlink(missing_ok=True)
@@ -81,6 +88,17 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     folder.say(*lines)
     folder.tell_progress(told.progress.model_copy(update={"share": 1.0, "left_seconds": 0.0, "stage": ""}))
     return TaskEnd(verdict=told.verdict)
+
+
+def _unpack(folder: TaskFolder, order: TaskOrder) -> None:
+    """Archives of the upload become photographs; each goes when it is unpacked."""
+    limits = ArchiveLimits(order.most_files, order.most_file_bytes, order.most_bytes, reserve=order.reserve)
+    for archive in sorted(path for path in folder.images.iterdir() if is_archive(path.name)):
+        count, told = unpacked(archive, folder.images, limits)
+        folder.say(f"{archive.name}: {count} photographs.", *told)
+        progress = folder.progress()
+        folder.tell_progress(progress.model_copy(update={"images": progress.images + count}))
+        archive.unlink()
 
 
 def read_wishes(folder: TaskFolder) -> Wishes:
@@ -116,6 +134,8 @@ def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldR
             if told.progress != before:
                 before = told.progress
                 folder.tell_progress(before)
+    if told.traced:
+        sys.stderr.write("\n".join(told.traced) + "\n")
     if child.returncode == STOPPED or child.returncode < 0:
         raise _Stopped
     if child.returncode:

@@ -46,6 +46,8 @@ class QueueRules:
     """days after which a task that has ended is removed; 0: never"""
     upload_days: float = 2.0
     """days after which an upload that nobody continued is removed"""
+    most_bytes: int = 500 * GIB
+    """that the archives of a task may be unpacked to"""
     reserve: int = 2 * GIB
     """bytes of the disk that are left free: nothing is taken or begun beyond"""
     engine: tuple[str, ...] = ENGINE
@@ -109,7 +111,7 @@ class TaskQueue:
         with self._lock:
             if self.tasks[uuid].status.ended:
                 return
-            self._change(uuid, status=TaskStatus.CANCELED, ended=now(), told=not self.tasks[uuid].webhook)
+            self._end(uuid, status=TaskStatus.CANCELED, ended=now(), told=not self.tasks[uuid].webhook)
             self._stopping[uuid] = time.monotonic()
             self._signal(uuid, signal.SIGTERM)
 
@@ -174,6 +176,11 @@ class TaskQueue:
         self.of(uuid).keep(state)
         self.tasks[uuid] = state
 
+    def _end(self, uuid: str, **changes: object) -> None:
+        """The photographs of archives are counted by the process of the task, whose progress is forgotten at a restart."""
+        images = self.tasks[uuid].images + self.of(uuid).progress().images
+        self._change(uuid, images=images, **changes)
+
     def _alive(self, uuid: str) -> bool:
         child = self._children.get(uuid)
         if child is not None and child.poll() is None:
@@ -186,7 +193,7 @@ class TaskQueue:
         if end is not None:
             status = TaskStatus.FAILED if end.error else TaskStatus.COMPLETED
             changes = {"status": status, "error": end.error, "ended": now(), "told": not state.webhook}
-            self._change(uuid, bytes=self.of(uuid).bytes_used(), **changes)
+            self._end(uuid, bytes=self.of(uuid).bytes_used(), **changes)
         elif not self._alive(uuid):
             watched = self._children.pop(uuid, None) is not None
             losses = state.losses + watched
@@ -197,7 +204,7 @@ class TaskQueue:
                 f"The process of the task was ended {losses} times by others, most often for want of memory; a restart goes on "
                 "where it stopped, with fewer processes (max-concurrency) or smaller tiles (tile) it needs less."
             )
-            self._change(uuid, status=TaskStatus.FAILED, losses=losses, error=error, ended=now(), told=not state.webhook)
+            self._end(uuid, status=TaskStatus.FAILED, losses=losses, error=error, ended=now(), told=not state.webhook)
 
     def _stop(self) -> None:
         for uuid, since in list(self._stopping.items()):
@@ -244,8 +251,14 @@ class TaskQueue:
 
     def _start(self, uuid: str) -> None:
         folder = self.of(uuid)
+        rules = self.rules
         order = TaskOrder(
-            folder=folder.path.resolve(), engine=self.rules.engine, processes=self.rules.processes, memory=self.rules.memory
+            folder=folder.path.resolve(),
+            engine=rules.engine,
+            processes=rules.processes,
+            memory=rules.memory,
+            most_bytes=rules.most_bytes,
+            reserve=rules.reserve,
         )
         program = [ENGINE[0], "-m", "orthomill.pipeline.serving.queue.task_process", order.model_dump_json()]
         with open(folder.path / "process.log", "ab") as log:

@@ -21,11 +21,16 @@ class ToldRun:
     """the last error that was told"""
     verdict: str = ""
     products: tuple[str, ...] = ()
+    traced: list[str] = field(default_factory=list)
+    """lines of a traceback: for whoever runs the node, not for those who gave the task"""
+    _tracing: bool = False
     _ended: set[str] = field(default_factory=set)
 
     def take(self, line: str) -> list[str]:
         """The lines that people are told for a line of the run."""
         text = _UNCOLOURED.sub("", line).rstrip()
+        if self._traced(text):
+            return []
         told = _object(text)
         if told is None:
             if text.startswith("error:"):
@@ -37,6 +42,18 @@ class ToldRun:
             return self._end(told)
         note = str(told.get("text", ""))
         return [note] if note and not _OF_THIS_MACHINE.search(note) else []
+
+    def _traced(self, text: str) -> bool:
+        """Whether a line is of a traceback; its last one, which has the error, becomes the error of the task."""
+        if text.startswith("Traceback (most recent call last)"):
+            self._tracing = True
+        if not self._tracing:
+            return False
+        self.traced.append(text)
+        if text and not text.startswith((" ", "Traceback")):
+            self._tracing = False
+            self.error = f"This is a defect of orthomill ({text[:200]}); whoever runs the node finds more in process.log."
+        return True
 
     def _progress(self, told: dict[str, Any]) -> list[str]:
         share, left = told.get("share"), told.get("left_seconds")
@@ -52,7 +69,7 @@ class ToldRun:
                 current = kind
         seconds = left if isinstance(left, int | float) else None
         known = max(float(share), self.progress.share) if isinstance(share, int | float) else self.progress.share
-        self.progress = TaskProgress(share=min(known, 1.0), left_seconds=seconds, stage=current)
+        self.progress = self.progress.model_copy(update={"share": min(known, 1.0), "left_seconds": seconds, "stage": current})
         return lines
 
     def _end(self, told: dict[str, Any]) -> list[str]:

@@ -35,6 +35,8 @@ class Wishes(BaseModel):
     dem_cell: float = 0.0
     pictures: tuple[str, ...] = ()
     """formats of the orthoimage besides GeoTIFF, as `orthomill export --as` names them"""
+    tiled_cloud: bool = True
+    """whether the points are delivered as Entwine tiles too, which viewers of points read"""
     rerun_from: str = ""
     notes: tuple[str, ...] = ()
 

@@ -21,7 +21,7 @@ def test_a_block_goes_up_is_done_and_comes_down(running, tmp_path):
     (tmp_path / "gcp_list.txt").write_text("EPSG:32634\n1 2 3 4 5 a.jpg\n")
     (tmp_path / "b_mask.jpg").write_bytes(Path(files[0]).read_bytes())
     sent = []
-    options = {"dtm": False, "orthophoto-resolution": 5, "texture.best": 4, "auto-boundary": True}
+    options = {"dtm": False, "orthophoto-resolution": 5, "texture.best": 4, "auto-boundary": True, "orthophoto-png": True}
     given = [*files, str(tmp_path / "gcp_list.txt"), str(tmp_path / "b_mask.jpg")]
     task = client.create_task(given, options, name="../a block", progress_callback=sent.append, parallel_uploads=4)
     assert sent[-1] == 100
@@ -38,6 +38,7 @@ def test_a_block_goes_up_is_done_and_comes_down(running, tmp_path):
     assert "terrain" not in workflow and "best: 4" in workflow
     got = Path(task.download_assets(str(tmp_path / "got")))
     assert (got / "odm_georeferencing" / "odm_georeferenced_model.laz").read_bytes() == b"points.laz" * 1000
+    assert (got / "entwine_pointcloud" / "ept.json").exists()
     assert (got / "orthomill" / "dsm_check.tif").exists() and "Verdict" in (got / "task_output.txt").read_text()
     assert json.loads((got / "log.json").read_text())["verdict"] == "Good: checked."
 

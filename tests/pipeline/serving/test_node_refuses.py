@@ -1,0 +1,203 @@
+"""What strangers send: a thousand requests that know the routes end in sentences, and nobody reads anything without the token."""
+
+import http.client
+import json
+import random
+import re
+import urllib.parse
+from pathlib import Path
+
+import pytest
+from running_node import TOKEN, node, photographs
+
+UUID = "01234567-89ab-cdef-0123-456789abcdef"
+BOUNDARY = "xXx"
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory):
+    with node(tmp_path_factory.mktemp("node") / "home", STANDIN_PAUSE="0") as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def done(running, tmp_path_factory):
+    """A task that has ended."""
+    task = running.client().create_task(photographs(tmp_path_factory.mktemp("photographs")), {}, name="<b>done</b>")
+    task.wait_for_completion(interval=0.1)
+    return task.uuid
+
+
+def asked(running, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=60)
+    try:
+        connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+        answer = connection.getresponse()
+        return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
+    finally:
+        connection.close()
+
+
+def form(*parts: tuple[str, str | None, bytes], end: bytes = b"--") -> bytes:
+    text = b""
+    for name, filename, content in parts:
+        file = f'; filename="{filename}"' if filename is not None else ""
+        text += f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="{name}"{file}\r\n\r\n'.encode() + content + b"\r\n"
+    return text + f"--{BOUNDARY}".encode() + end + b"\r\n"
+
+
+def posted_form(running, path: str, *parts: tuple[str, str | None, bytes], token: str = TOKEN) -> dict:
+    headers = {"Content_Type": f"multipart/form-data; boundary={BOUNDARY}"}
+    status, content, _ = asked(running, "POST", f"{path}?token={token}", form(*parts), **headers)
+    assert status == 200
+    return json.loads(content)
+
+
+ROUTES = ["/", "/info", "/options", "/tasks.json", "/login", "/auth/info", "/auth/login", "/view/{n}/{u}/{n}", "/{n}", "/task/list"]
+ROUTES += ["/task/new", "/task/new/init", "/task/new/upload/{u}", "/task/new/commit/{u}", "/task/{u}/info", "/task/{u}/output"]
+ROUTES += ["/task/{u}/download/{n}", "/task/{u}/download/../{n}", "/task/cancel", "/task/remove", "/task/restart", "/task/{n}"]
+NAMES = ["all.zip", "../../../etc/passwd", "%2e%2e%2f%2e%2e%2ftoken.txt", "%00", "task.json", "odm_dem/dsm.tif", "é", "x" * 3000]
+NAMES += [""]
+VALUES = ["", "0", "-1", "9" * 30, "NaN", "[]", "{}", '[{"name": "dtm"}]', '[{"name": "tile", "value": "x"}]', "\x00", "é" * 50]
+FIELDS = [
+    "uuid",
+    "options",
+    "name",
+    "webhook",
+    "outputs",
+    "dateCreated",
+    "zipurl",
+    "readS3Path",
+    "writeS3Path",
+    "skipPostProcessing",
+]
+
+
+def random_request(chance: random.Random, uuids: list[str]) -> tuple[str, str, bytes | None, dict[str, str]]:
+    path = chance.choice(ROUTES).replace("{u}", chance.choice([*uuids, UUID, "x", UUID.upper()]))
+    while "{n}" in path:
+        path = path.replace("{n}", chance.choice(NAMES), 1)
+    query = {"token": TOKEN, chance.choice(["with_output", "line", "token2"]): chance.choice(VALUES)}
+    fields = {name: chance.choice([*VALUES, *uuids]) for name in chance.sample(FIELDS, 4)}
+    kind = chance.choice(["form", "json", "multipart", "noise", "none"])
+    body: bytes | None = None
+    headers = {"set_uuid": chance.choice([UUID, "../x", "x"])} if chance.random() < 0.3 else {}
+    if kind == "form":
+        body, headers["Content_Type"] = urllib.parse.urlencode(fields).encode(), "application/x-www-form-urlencoded"
+    elif kind == "json":
+        body = json.dumps(chance.choice([fields, [], None, {"uuid": {}}, {"options": {"a": 1}}])).encode()
+        headers["Content_Type"] = "application/json"
+    elif kind == "multipart":
+        parts = [(name, None, value.encode()) for name, value in fields.items()]
+        parts += [("images", chance.choice([*NAMES, "a.jpg", "b.zip", "gcp_list.txt"]).replace("\x00", ""), b"PK\x03\x04" * 9)]
+        body = form(*parts, end=chance.choice([b"--", b""]))[: chance.choice([None, 30, 200])]
+        headers["Content_Type"] = chance.choice([f"multipart/form-data; boundary={BOUNDARY}", "multipart/form-data", "multipart/x"])
+    elif kind == "noise":
+        body = chance.randbytes(300)
+        headers["Content_Type"] = chance.choice(["application/json", f"multipart/form-data; boundary={BOUNDARY}", "text/plain"])
+    text = urllib.parse.quote(path, safe="/%.") + "?" + urllib.parse.urlencode(query)
+    return chance.choice(["GET", "POST", "POST", "HEAD", "PUT"]), text, body, headers
+
+
+def files_beside(home: Path) -> set[Path]:
+    return {path for path in home.parent.rglob("*") if not path.is_relative_to(home)}
+
+
+def test_a_thousand_requests_end_in_sentences(running, done):
+    chance, before = random.Random(43), files_beside(running.home)
+    seen: dict[int, int] = {}
+    uuids = [done]
+    for _ in range(1000):
+        method, path, body, headers = random_request(chance, [done, *uuids[-3:]])
+        status, content, _ = asked(running, method, path, body, **headers)
+        seen[status] = seen.get(status, 0) + 1
+        assert status in (200, 303, 401, 404, 405, 416), (method, path, content)
+        leaked = [word for word in (b"Traceback", b"root:x:", TOKEN.encode()) if word in content]
+        assert not leaked, (method, path, content)
+        if status == 200 and content.startswith(b'{"uuid"'):
+            uuids.append(json.loads(content)["uuid"])
+    assert seen[200] > 300 and running.process.poll() is None
+    assert files_beside(running.home) == before
+    made = [path.name for folder in ("tasks", "uploads") for path in (running.home / folder).iterdir()]
+    assert all(re.fullmatch(r"[0-9a-f-]{36}", name) for name in made) and len(made) > 3
+    assert "Traceback" not in (running.home / "node.log").read_text()
+
+
+def test_nothing_is_read_without_the_token(running, done):
+    ticket = "0" * 40
+    paths = ["/info", "/options", "/tasks.json", f"/task/{done}/info", f"/task/{done}/download/all.zip", f"/task/{done}/output"]
+    for path in paths:
+        for given in ("", "?token=", "?token=wrong-wrong-wrong", f"?token={TOKEN[:-1]}"):
+            status, content, _ = asked(running, "GET", path + given)
+            assert status == 401 and done.encode() not in content
+    assert asked(running, "GET", f"/view/{ticket}/{done}/report.html")[0] == 404
+    assert asked(running, "POST", "/task/remove", f'{{"uuid": "{done}"}}'.encode(), Content_Type="application/json")[0] == 401
+    status, content, headers = asked(running, "GET", "/")
+    assert status == 200 and b'name="token"' in content and "script-src" not in headers["content-security-policy"]
+    assert asked(running, "GET", "/health")[1] == b'{"status":"ok"}'
+
+
+def cookie_of(running) -> str:
+    status, _, headers = asked(running, "GET", f"/?token={TOKEN}")
+    assert status == 303 and headers["location"] == "/" and "HttpOnly" in headers["set-cookie"]
+    assert "SameSite=strict" in headers["set-cookie"] and TOKEN not in headers["set-cookie"]
+    return headers["set-cookie"].split(";")[0]
+
+
+def test_the_page_has_a_cookie_that_changes_nothing_without_its_header(running, done):
+    cookie = cookie_of(running)
+    status, page, headers = asked(running, "GET", "/", Cookie=cookie)
+    assert status == 200 and b"<article" not in page and "unsafe" not in headers["content-security-policy"]
+    told = json.loads(asked(running, "GET", "/tasks.json", Cookie=cookie)[1])
+    assert [task["name"] for task in told["tasks"] if task["uuid"] == done] == ["<b>done</b>"]
+    body = f'{{"uuid": "{UUID}"}}'.encode()
+    assert asked(running, "POST", "/task/remove", body, Cookie=cookie, Content_Type="application/json")[0] == 401
+    allowed = asked(running, "POST", "/task/remove", body, Cookie=cookie, Content_Type="application/json", X_Orthomill_Page="1")
+    assert allowed[0] == 200 and b"not found" in allowed[1]
+
+
+def test_pages_of_a_run_open_in_a_box(running, done):
+    told = json.loads(asked(running, "GET", "/tasks.json", Cookie=cookie_of(running))[1])
+    pages = {page["title"]: page["address"] for task in told["tasks"] if task["uuid"] == done for page in task["pages"]}
+    assert pages.keys() == {"Report", "Map of tiles"}
+    status, content, headers = asked(running, "GET", f"/{pages['Report']}")
+    assert status == 200 and content == b"<html><body>report</body></html>"
+    assert headers["content-security-policy"].startswith("sandbox allow-scripts")
+    start = pages["Report"].removesuffix("report.html")
+    assert asked(running, "GET", f"/{start}products/points.laz")[0] == 200
+    for path in (
+        "summary.json",
+        "products/../../../task.json",
+        "products/%2e%2e/%2e%2e/%2e%2e/task.json",
+        ".lock",
+        "map/tiles",
+        "jobs/x",
+    ):
+        assert asked(running, "GET", f"/{start}{path}")[0] == 404, path
+
+
+def test_an_upload_is_known_by_its_uuid_and_complete_when_it_is_acknowledged(running):
+    uuid = posted_form(running, "/task/new/init", ("name", None, b"x"))["uuid"]
+    assert "no multipart form" in json.loads(asked(running, "POST", f"/task/new/upload/{uuid}?token={TOKEN}", b"x")[1])["error"]
+    told = posted_form(running, f"/task/new/upload/{uuid}", ("images", "../../up.jpg", b"1" * 100), ("images", "b.jpg", b"2"))
+    assert told == {"success": True}
+    images = running.home / "uploads" / uuid / "images"
+    assert sorted(path.name for path in images.iterdir()) == ["b.jpg", "up.jpg"]
+    cut = form(("images", "c.jpg", b"3" * 1000))[:300]
+    kind = f"multipart/form-data; boundary={BOUNDARY}"
+    status, content, _ = asked(running, "POST", f"/task/new/upload/{uuid}?token={TOKEN}", cut, Content_Type=kind)
+    assert status == 200 and "middle of a file" in json.loads(content)["error"]
+    assert sorted(path.name for path in images.iterdir()) == ["b.jpg", "up.jpg"]
+    assert "no name for an uploaded file" in posted_form(running, f"/task/new/upload/{uuid}", ("images", "..", b""))["error"]
+    assert "field 'images'" in posted_form(running, f"/task/new/upload/{uuid}", ("files", "a.jpg", b""))["error"]
+    assert posted_form(running, f"/task/new/commit/{uuid}") == {"uuid": uuid} == posted_form(running, f"/task/new/commit/{uuid}")
+    assert "not found" in posted_form(running, f"/task/new/upload/{uuid}", ("images", "d.jpg", b""))["error"]
+
+
+def test_all_in_one_request(running):
+    answer = posted_form(running, "/task/new", ("images", "a.jpg", b"1"), ("images", "b.jpg", b"2"), ("name", None, b"one"))
+    assert json.loads(asked(running, "GET", f"/task/{answer['uuid']}/info?token={TOKEN}")[1])["name"] == "one"
+    refused = posted_form(running, "/task/new", ("images", "a.jpg", b"1"), ("options", None, b'[{"name": "tile", "value": 1}]'))
+    assert "tile is '1'" in refused["error"]
+    waiting = posted_form(running, "/task/new", ("zipurl", None, b"http://127.0.0.1/x.zip"))
+    assert "no object store" in waiting["error"]
