@@ -7,6 +7,7 @@ from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovarianc
 from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
 from orthomill.tasks.flight_outlook import look_ahead
+from orthomill.tasks.geometry.topocentric import place_on_earth
 from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
@@ -16,6 +17,8 @@ from orthomill.tasks.marking.targets.photo_targets import targets_in
 from orthomill.tasks.orientation.plane.block_on_plane import SURVEY_BLOCK, SURVEY_POINTS
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 from orthomill.tasks.orientation.results.handover import OrientedProject, handed_files
+from orthomill.tasks.projection.model.glb import as_glb
+from orthomill.tasks.projection.model.height_patch import height_patch
 
 __all__ = [
     "SURVEY_BLOCK",
@@ -25,14 +28,17 @@ __all__ = [
     "StoredCovariance",
     "SurveyedPoint",
     "accepted",
+    "as_glb",
     "classical_forms",
     "given_points",
     "handed_files",
+    "height_patch",
     "inspected",
     "look_ahead",
     "marker_of",
     "marks_of",
     "measure",
+    "place_on_earth",
     "points_on_surface",
     "share_of",
     "sizing_of",

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
@@ -19,17 +19,29 @@ from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, 
 
 if TYPE_CHECKING:
     from orthomill.pipeline.export.block_folder import BlockMethods
+    from orthomill.pipeline.export.solids.relief_model import SolidMethods
 
-_PRODUCTS = {"map": ("ortho",), "picture": ("ortho",), "tiles": ("ortho",), "relief": ("terrain", "dsm"), "points": ("points",)}
+_PRODUCTS = {
+    "map": ("ortho",),
+    "picture": ("ortho",),
+    "tiles": ("ortho",),
+    "relief": ("terrain", "dsm"),
+    "points": ("points",),
+    "solid": ("dsm",),
+}
 """what is exported unless another product is named"""
 
 
-Methods = Callable[[], "BlockMethods"]
-"""loads the photogrammetry, which only some formats need"""
+class Methods(Protocol):
+    """Loads the photogrammetry, which only some formats need."""
 
+    def block(self) -> "BlockMethods":
+        """What makes the files of other programs."""
+        ...
 
-def _none() -> "BlockMethods":
-    raise StoreError("The methods for the oriented photographs are not at hand; use the command `orthomill export`.")
+    def solid(self) -> "SolidMethods":
+        """What makes models in space."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -44,7 +56,7 @@ class Asked:
     sheets: str | None = None
 
 
-def export_as(asked: Asked, folder: Path, methods: Methods = _none) -> Path:
+def export_as(asked: Asked, folder: Path, methods: Methods | None = None) -> Path:
     """Makes the file or folder in the run's `folder`; its path. `methods` gives what makes files for other programs.
 
     Raises WorkflowError, StoreError, and ResourceError where the disk refuses.
@@ -111,12 +123,16 @@ def _written_whole(path: Path, write: Callable[[Path], None]) -> None:
         ) from error
 
 
-def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path, methods: Methods) -> Callable[[Path], None]:
+def _writer(
+    asked: Asked, form: ExportFormat, product: Path | None, folder: Path, methods: Methods | None
+) -> Callable[[Path], None]:
     if form.group == "block":
         return lambda path: _write_block(form.name, path, Store(folder), methods)
     if form.group == "layers":
         return lambda path: _write_layers(form.name, path, Store(folder))
     assert product is not None
+    if form.group == "solid":
+        return lambda path: _write_solid(form, product, path, asked.wanted, methods)
     if form.group == "points":
         return lambda path: _write_points(form, product, path, asked.wanted)
     if asked.sheets:
@@ -124,10 +140,23 @@ def _writer(asked: Asked, form: ExportFormat, product: Path | None, folder: Path
     return lambda path: _write_product(form, product, path, asked.wanted)
 
 
-def _write_block(program: str, path: Path, store: Store, methods: Methods) -> None:
+def _write_block(program: str, path: Path, store: Store, methods: Methods | None) -> None:
     from orthomill.pipeline.export.block_folder import write_block
 
-    write_block(path, program, store, methods())
+    assert methods is not None
+    write_block(path, program, store, methods.block())
+
+
+def _write_solid(form: ExportFormat, product: Path, path: Path, wanted: Wanted, methods: Methods | None) -> None:
+    from orthomill.pipeline.export.solids.height_tiles import height_tiles
+    from orthomill.pipeline.export.solids.relief_model import write_glb, write_tileset
+
+    picture = product.with_name("ortho.tif")
+    if not picture.is_file():
+        raise StoreError(f"{product.parent.parent.name} has no orthoimage to lay on {product.name}.")
+    assert methods is not None
+    with height_tiles(product, picture, wanted) as tiles:
+        (write_glb if form.name == "glb" else write_tileset)(path, tiles, methods.solid())
 
 
 def _write_points(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:

@@ -25,6 +25,7 @@ class ExportFormat:
 
 _RASTER = ("of", "crs", "area", "cell", "cutline", "sheets")
 _TILED = ("of", "cutline")
+_SOLID = ("of", "crs", "area", "cell", "cutline")
 _CLOUD = ("of", "crs", "area", "cutline")
 
 FORMATS = (
@@ -41,6 +42,8 @@ FORMATS = (
     ExportFormat("copc", "points", ".copc.laz", "the same as an octree in one file", "QGIS, PDAL, web viewers", _CLOUD),
     ExportFormat("ept", "points", "_ept", "the same as a folder of Entwine tiles", "WebODM, Potree, QGIS, PDAL", _CLOUD),
     ExportFormat("cameras", "layers", ".gpkg", "photographs, footprints, control, residuals", "QGIS, ArcGIS", stem="cameras"),
+    ExportFormat("glb", "solid", ".glb", "the surface with the orthoimage on it", "Blender, browsers, Office", _SOLID),
+    ExportFormat("3dtiles", "solid", "_3dtiles", "the same as 3D Tiles with levels of detail", "Cesium, QGIS, Unreal", _SOLID),
     ExportFormat("colmap", "block", "", "undistorted photographs with a COLMAP project", "COLMAP, splatting", stem="colmap"),
     ExportFormat("openmvs", "block", "", "undistorted photographs with a scene of OpenMVS", "OpenMVS", stem="openmvs"),
     ExportFormat("odm", "block", "", "shots.geojson, cameras.json, geo.txt, gcp_list.txt", "OpenDroneMap, WebODM", stem="odm"),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from pyproj import CRS, Transformer
 
-from orthomill.tasks.geometry.reference_system import ground_crs
+from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
 
 _STEP = 10.0
 """m, of the numerical derivative: rounding of geocentric coordinates (1e-9 m) and curvature of the map both stay below 1e-9 rad"""
@@ -85,6 +85,11 @@ def reference_of(crs: str, point: np.ndarray) -> Reference:
     to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
     ((lon, lat),) = degrees_of(to_map, point[None, :2])
     return Reference(float(lat), float(lon), float(point[2]))
+
+
+def place_on_earth(crs: str, point: np.ndarray) -> np.ndarray | None:
+    """As `geocentric_matrix`; None for a system that lies nowhere on the earth."""
+    return geocentric_matrix(crs, point) if on_earth(crs) else None
 
 
 def geocentric_matrix(crs: str, point: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from orthomill.pipeline.export.export_formats import names_in_words
 
 if TYPE_CHECKING:
     from orthomill.pipeline.export.block_folder import BlockMethods
+    from orthomill.pipeline.export.solids.relief_model import SolidMethods
     from orthomill.pipeline.report.first_page import FirstPage
 
 products = typer.Typer()
@@ -87,15 +88,26 @@ def _export_as(name: str, asked: tuple, debug: bool) -> None:
     from orthomill.pipeline.cli.projects import load_project
 
     with plain_errors(debug):
-        made = export_as(Asked(*asked), load_project(name).run_folder, _block_methods)
+        made = export_as(Asked(*asked), load_project(name).run_folder, _Methods())
         out.print(str(made), soft_wrap=True)
 
 
-def _block_methods() -> "BlockMethods":
-    from orthomill.pipeline.export.block_folder import BlockMethods
-    from orthomill.tasks.lookups import SURVEY_BLOCK, SURVEY_POINTS, OrientedProject, handed_files
+class _Methods:
+    """The photogrammetry that some formats need, loaded when it is asked for."""
 
-    return BlockMethods(OrientedProject, handed_files, (SURVEY_BLOCK, SURVEY_POINTS))
+    def block(self) -> "BlockMethods":
+        """What makes the files of other programs."""
+        from orthomill.pipeline.export.block_folder import BlockMethods
+        from orthomill.tasks.lookups import SURVEY_BLOCK, SURVEY_POINTS, OrientedProject, handed_files
+
+        return BlockMethods(OrientedProject, handed_files, (SURVEY_BLOCK, SURVEY_POINTS))
+
+    def solid(self) -> "SolidMethods":
+        """What makes models in space."""
+        from orthomill.pipeline.export.solids.relief_model import SolidMethods
+        from orthomill.tasks.lookups import as_glb, height_patch, place_on_earth
+
+        return SolidMethods(height_patch, as_glb, place_on_earth)
 
 
 @products.command()

@@ -1,5 +1,7 @@
 """The folder of another program: what is handed in is written, photographs as pictures, masks beside them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from box_scene import block
@@ -38,13 +40,13 @@ def run_of(folder, dtype, bands):
     return folder
 
 
-def methods() -> BlockMethods:
-    def files(project, program, suffix, read):
-        assert (project[0], program) == (project[0], "colmap") and project[2].names == block().names
-        yield "sparse/cameras.bin", b"cameras"
-        yield f"images/a{suffix}", read("a")
+def files(project, program, suffix, read):
+    assert program == "colmap" and project[2].names == block().names
+    yield "sparse/cameras.bin", b"cameras"
+    yield f"images/a{suffix}", read("a")
 
-    return BlockMethods(lambda *tables: tables, files, SURVEY)
+
+methods = SimpleNamespace(block=lambda: BlockMethods(lambda *tables: tables, files, SURVEY))
 
 
 @pytest.mark.parametrize(("dtype", "bands", "name"), [("uint8", 3, "a.jpg"), ("uint8", 4, "a.jpg"), ("uint16", 3, "a.png")])
