@@ -128,6 +128,9 @@ def _writer(
 ) -> Callable[[Path], None]:
     if form.group == "block":
         return lambda path: _write_block(form.name, path, Store(folder), methods)
+    if form.group == "metadata":
+        place = folder / (asked.path or "products/exported/x")
+        return lambda path: _write_metadata(form.name, path, folder, place.parent)
     if form.group == "layers":
         return lambda path: _write_layers(form.name, path, Store(folder))
     assert product is not None
@@ -204,6 +207,26 @@ def _write_sheets(asked: Asked, form: ExportFormat, product: Path, path: Path) -
     if not written:
         raise WorkflowError(f"--sheets {asked.sheets}: no sheet shows anything of {product.name}.")
     write_sheet_index(path / "sheets.gpkg", written, form.ending, crs)
+
+
+def _write_metadata(kind: str, path: Path, folder: Path, beside: Path) -> None:
+    """The record of the run; `beside`: the folder where it will lie, from which it names the products."""
+    from orthomill.pipeline.cli.delivered_record import run_record
+    from orthomill.pipeline.export.metadata.delivered_run import delivered_run
+    from orthomill.pipeline.export.metadata.iso_metadata import metadata_file
+    from orthomill.pipeline.export.metadata.iso_quality import quality_file
+    from orthomill.pipeline.export.metadata.provenance_record import provenance_record
+    from orthomill.pipeline.export.metadata.stac_item import stac_item
+
+    run = delivered_run(folder, run_record(folder))
+    products = Path(os.path.relpath(folder / "products", beside)).as_posix()
+    if kind == "stac":
+        text = stac_item(run, products)
+    elif kind == "iso19115":
+        text = metadata_file(run, products)
+    else:
+        text = quality_file(run) if kind == "iso19157" else provenance_record(run)
+    path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _write_layers(kind: str, path: Path, store: Store) -> None:

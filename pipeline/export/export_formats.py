@@ -42,6 +42,7 @@ FORMATS = (
     ExportFormat("copc", "points", ".copc.laz", "the same as an octree in one file", "QGIS, PDAL, web viewers", _CLOUD),
     ExportFormat("ept", "points", "_ept", "the same as a folder of Entwine tiles", "WebODM, Potree, QGIS, PDAL", _CLOUD),
     ExportFormat("cameras", "layers", ".gpkg", "photographs, footprints, control, residuals", "QGIS, ArcGIS", stem="cameras"),
+    ExportFormat("kml", "layers", ".kml", "photographs and footprints on the globe", "Google Earth, QGIS", stem="cameras"),
     ExportFormat("glb", "solid", ".glb", "the surface with the orthoimage on it", "Blender, browsers, Office", _SOLID),
     ExportFormat("3dtiles", "solid", "_3dtiles", "the same as 3D Tiles with levels of detail", "Cesium, QGIS, Unreal", _SOLID),
     ExportFormat("colmap", "block", "", "undistorted photographs with a COLMAP project", "COLMAP, splatting", stem="colmap"),
@@ -49,7 +50,10 @@ FORMATS = (
     ExportFormat("odm", "block", "", "shots.geojson, cameras.json, geo.txt, gcp_list.txt", "OpenDroneMap, WebODM", stem="odm"),
     ExportFormat("metashape", "block", "", "cameras.xml with lens and poses", "Agisoft Metashape", stem="metashape"),
     ExportFormat("pix4d", "block", "", "external and internal parameters, matrices", "Pix4D, SURE, many scripts", stem="pix4d"),
-    ExportFormat("kml", "layers", ".kml", "photographs and footprints on the globe", "Google Earth, QGIS", stem="cameras"),
+    ExportFormat("stac", "metadata", "_stac.json", "STAC item with checksums", "catalogues, QGIS, pystac", stem="run"),
+    ExportFormat("iso19115", "metadata", "_iso19115.xml", "metadata of ISO 19115, with quality", "GeoNetwork", stem="run"),
+    ExportFormat("iso19157", "metadata", "_iso19157.xml", "accuracy: tested and promised apart", "GeoNetwork", stem="run"),
+    ExportFormat("prov", "metadata", "_prov.json", "which files come from what (PROV-JSON)", "PROV tools, auditors", stem="run"),
 )
 BY_NAME = {one.name: one for one in FORMATS}
 
