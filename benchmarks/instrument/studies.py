@@ -10,6 +10,7 @@ SURFACE = ("tasks/epipolar", "tasks/densification", "tasks/matching", "tasks/geo
 CHECK = ("tasks/dsm_check", "tasks/matching", "tasks/geometry")
 SOLID = ("tasks/projection", "tasks/visibility", "tasks/imagery", "tasks/geometry")
 WATCHING = ("pipeline/watching", "pipeline/forecast")
+SERVING = ("pipeline/serving",)
 MARKING = ("tasks/marking", "tasks/adjustment", "tasks/geometry")
 SHARED = "the shared data (ORTHOMILL_DATA)"
 RUN = "a finished run"
@@ -442,6 +443,15 @@ _ALL = (
         "minutes",
         ("pipeline/engine",),
         words="[JOBS [BUSY]]",
+    ),
+    # serving
+    Study(
+        "killed_node",
+        "serving.killed_node",
+        "a node that is killed at random moments, and its memory under load",
+        "minutes",
+        SERVING,
+        words="[KILLS [TASKS]]",
     ),
     # watching
     Study(

@@ -82,10 +82,16 @@ class NodePages:
         tasks = []
         for state in self._service.tasks(token)[:MOST_TASKS]:
             folder = self._service.queue.of(state.uuid)
-            progress = folder.progress()
+            progress, end = folder.progress(), folder.end() if state.status == TaskStatus.COMPLETED else None
             start = f"view/{self._service.access.ticket(token, state.uuid)}/{state.uuid}/"
             shown = [{**page, "address": f"{start}{page['path']}"} for page in pages(folder, state.status == TaskStatus.RUNNING)]
-            more = {"stage": progress.stage, "left": progress.left_seconds, "bytes": state.bytes, "pages": shown}
+            more = {
+                "stage": progress.stage,
+                "left": progress.left_seconds,
+                "bytes": state.bytes,
+                "pages": shown,
+                "verdict": end.verdict if end else "",
+            }
             tasks.append({**self._service.told(state, -3), **more})
         return {"tasks": tasks, "trouble": self._service.queue.trouble, "user": token.name}
 

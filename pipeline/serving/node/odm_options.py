@@ -184,7 +184,7 @@ def _boundary(value: Any, taken: Taken) -> None:
     if len(points) < 3 or not all(abs(x) <= 180 and abs(y) <= 90 for x, y in points):
         raise WorkflowError("boundary is no GeoJSON polygon in degrees (longitude, latitude) with three corners or more.")
     taken.more["boundary"] = points
-    taken.notes.append("boundary: the surface is made within the extent of the polygon, on whole cells, and not cut along it.")
+    taken.notes.append("boundary: the surface is made within the extent of the polygon; maps are cut along it, points are not.")
 
 
 def _ring(found: dict[str, Any]) -> list:
@@ -254,7 +254,7 @@ ODM_OPTIONS: dict[str, OdmOption] = {
         _option("primary-band", "string", "auto", "string", "Of a multispectral camera, the band that makes the block.", _band),
         _option("smrf-slope", "float", "0.15", "float: 0 < x <= 2", "How much ground rises over the width of an object.", _slope),
         _option("smrf-window", "float", "30", "float: 0 < x <= 500", "Half the width of the widest building (m).", _object),
-        _option("boundary", "string", "", "json", "GeoJSON polygon in degrees: the surface is made within its extent.", _boundary),
+        _option("boundary", "string", "", "json", "GeoJSON polygon in degrees that maps are cut along.", _boundary),
         _option("max-concurrency", "int", "", "positive integer", "Worker processes at most.", _processes),
         _option("cog", "bool", "true", "bool", "Cloud-optimised GeoTIFFs. Maps are always such.", _cog),
         _option("pc-ept", "bool", "true", "bool", "The points as Entwine tiles too, for viewers of points.", _tiled),

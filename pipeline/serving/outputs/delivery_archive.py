@@ -9,6 +9,7 @@ from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTH
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskState
 from orthomill.pipeline.serving.queue.wishes import Wishes
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import OrthomillError
 
 _MAPS = (("ortho.tif", ORTHO, 4), ("dsm.tif", DSM, 1), ("terrain.tif", DTM, 1))
@@ -59,15 +60,27 @@ def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command
 def _maps(folder: TaskFolder, wishes: Wishes, lines: list[str]) -> Iterator[Asset]:
     from orthomill.pipeline.serving.outputs.client_maps import write_client_map
 
+    cutline = _cutline(folder, wishes)
     for name, place, bands in _MAPS:
         product = folder.run / "products" / name
         if not product.is_file():
             continue
         cell = wishes.ortho_cell if place == ORTHO else wishes.dem_cell
         target = folder.path / "made" / place
-        if said := write_client_map(product, target, bands, cell):
+        if said := write_client_map(product, target, bands, cell, cutline):
             lines.append(said)
         yield Asset(target, place)
+
+
+def _cutline(folder: TaskFolder, wishes: Wishes) -> Path | None:
+    """The boundary as a file, which maps are cut along."""
+    if not wishes.boundary:
+        return None
+    ring = [*wishes.boundary, *wishes.boundary[:1]] if wishes.boundary[0] != wishes.boundary[-1] else wishes.boundary
+    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    path = folder.path / "boundary.geojson"
+    write_whole(path, json.dumps({"type": "FeatureCollection", "features": [feature]}).encode())
+    return path
 
 
 def _exports(folder: TaskFolder, wishes: Wishes) -> Iterator[_Made]:

@@ -84,7 +84,7 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     told = ToldRun(folder.progress())
     _command(order, folder, _run_words(order, wishes), told)
     folder.say("Files are written for the client.")
-    lines = write_delivery(folder, state, wishes, lambda words: _command(order, folder, words), told.verdict)
+    lines = write_delivery(folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), told.verdict)
     folder.say(*lines)
     folder.tell_progress(told.progress.model_copy(update={"share": 1.0, "left_seconds": 0.0, "stage": ""}))
     return TaskEnd(verdict=told.verdict)
@@ -113,8 +113,8 @@ def _run_words(order: TaskOrder, wishes: Wishes) -> list[str]:
     return ["run", PROJECT, "--json", "--workers", str(processes), "--memory", str(order.memory), *again]
 
 
-def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldRun | None = None) -> None:
-    """Run a command of the engine, and tell what it tells. Raises WorkflowError with its sentence where it fails."""
+def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldRun | None = None, quiet: bool = False) -> None:
+    """Run a command of the engine, and tell what it tells unless `quiet`. Raises WorkflowError with its sentence where it fails."""
     told = told or ToldRun(folder.progress())
     before = told.progress
     with subprocess.Popen(
@@ -129,7 +129,7 @@ def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldR
     ) as child:
         assert child.stdout is not None
         for line in child.stdout:
-            if lines := told.take(line):
+            if (lines := told.take(line)) and not quiet:
                 folder.say(*lines)
             if told.progress != before:
                 before = told.progress

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from pyodm.exceptions import NodeResponseError, TaskFailedError
 from pyodm.types import TaskStatus
-from running_node import node, photographs
+
+from benchmarks.serving.running_node import node, photographs
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ import urllib.parse
 from pathlib import Path
 
 import pytest
-from running_node import TOKEN, node, photographs
+
+from benchmarks.serving.running_node import TOKEN, node, photographs
 
 UUID = "01234567-89ab-cdef-0123-456789abcdef"
 BOUNDARY = "xXx"

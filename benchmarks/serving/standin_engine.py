@@ -15,6 +15,7 @@ PAUSE = float(os.environ.get("STANDIN_PAUSE", "0.02"))
 
 
 def init() -> None:
+    """The workflow of the photographs that were uploaded."""
     photographs = sorted(path.name for path in Path("images").iterdir() if path.suffix.lower() in (".jpg", ".png", ".tif"))
     if len(photographs) < 2:
         sys.exit("error: There are no two photographs in images.")
@@ -27,6 +28,7 @@ def init() -> None:
 
 
 def run() -> None:
+    """Steps that are kept, lines of progress, and files of results."""
     folder = Path("runs/task")
     (folder / "products").mkdir(parents=True, exist_ok=True)
     lock = (folder / ".lock").open("a+")
@@ -56,6 +58,7 @@ def run() -> None:
 
 
 def export() -> None:
+    """A folder of tiles of points; nothing else is known."""
     target = Path("runs/task") / sys.argv[3]
     if sys.argv[sys.argv.index("--as") + 1] == "ept":
         target.mkdir(parents=True, exist_ok=True)
@@ -64,4 +67,5 @@ def export() -> None:
         raise RuntimeError("no such format")
 
 
-{"init": init, "run": run, "export": export}[sys.argv[1]]()
+if __name__ == "__main__":
+    {"init": init, "run": run, "export": export}[sys.argv[1]]()

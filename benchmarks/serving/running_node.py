@@ -15,10 +15,14 @@ from pathlib import Path
 from PIL import Image
 from pyodm import Node
 
+from benchmarks.serving import standin_node
+
 TOKEN = "s3cret-s3cret"
+ROOT = Path(__file__).parents[2]
 
 
 def free_port() -> int:
+    """A port of this machine that nobody has."""
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
         return found.getsockname()[1]
@@ -26,26 +30,26 @@ def free_port() -> int:
 
 @dataclass
 class RunningNode:
+    """A node that answers."""
+
     home: Path
     port: int
     process: subprocess.Popen
 
-    @property
-    def address(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
-
     def client(self, token: str = TOKEN) -> Node:
+        """PyODM, as WebODM has it."""
         return Node("127.0.0.1", self.port, token)
 
 
 @contextmanager
-def node(home: Path, port: int = 0, **environment: str) -> Iterator[RunningNode]:
+def node(home: Path, port: int = 0, parallel: int = 1, **environment: str) -> Iterator[RunningNode]:
     """A node until the context ends; it is killed then, as a machine that loses its power would do it."""
     port = port or free_port()
-    command = [sys.executable, str(Path(__file__).with_name("standin_node.py")), str(home), str(port)]
+    command = [sys.executable, "-m", standin_node.__name__, str(home), str(port), str(parallel)]
     home.mkdir(parents=True, exist_ok=True)
+    known = os.environ | {"ORTHOMILL_TOKEN": TOKEN} | environment
     with open(home / "node.log", "ab") as log:
-        process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, "ORTHOMILL_TOKEN": TOKEN, **environment})
+        process = subprocess.Popen(command, cwd=ROOT, stdout=log, stderr=log, env=known)
     try:
         _until_it_answers(port, process, home / "node.log")
         yield RunningNode(home, port, process)

@@ -3,15 +3,17 @@
 import sys
 from pathlib import Path
 
+from benchmarks.serving import standin_engine
 from orthomill.pipeline.serving.node.node_server import NodeSettings, serve
 from orthomill.pipeline.serving.queue.task_queue import QueueRules
 from orthomill.pipeline.serving.queue.upload_store import UploadLimits
 from orthomill.tasks.catalogue import STAGES
 
-ENGINE = (sys.executable, str(Path(__file__).with_name("standin_engine.py")))
+ENGINE = (sys.executable, standin_engine.__file__)
 
 
 def main(home: str, port: str, parallel: str = "1") -> None:
+    """Serve until the process is killed."""
     rules = QueueRules(parallel=int(parallel), memory=1, reserve=0, engine=ENGINE)
     settings = NodeSettings(Path(home).resolve(), port=int(port), rules=rules, limits=UploadLimits(reserve=0))
     serve(settings, STAGES, lambda line: print(line, flush=True))
