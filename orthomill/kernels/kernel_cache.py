@@ -24,9 +24,14 @@ def kernel_folder(root: Path = _ROOT) -> Path:
     """Where kernels are kept: the user's choice (NUMBA_CACHE_DIR), below a checkout, or in the user's cache."""
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(chosen)
+    return cache_folder(root) / "kernels"
+
+
+def cache_folder(root: Path = _ROOT) -> Path:
+    """Where is kept what can be made again at any time: below a checkout, or in the user's cache."""
     if (root / "pyproject.toml").exists():
-        return root / ".cache" / "kernels"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "orthomill" / "kernels"
+        return root / ".cache"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "orthomill"
 
 
 def sources_digest(path: Path, root: Path = _ROOT) -> str:

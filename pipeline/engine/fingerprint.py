@@ -4,11 +4,10 @@ Code is read as syntax, without comments and docstrings, through all project mod
 a better comment does not cost a run. Files count by content. Everything else counts by the fingerprint of the job that made it.
 """
 
-import ast
 import hashlib
 import importlib.util
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
@@ -18,6 +17,9 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
+
+from orthomill.kernels.kernel_cache import cache_folder
+from orthomill.pipeline.engine.module_syntax import SyntaxFile
 
 PACKAGE = "orthomill"
 _PARTS = ("", ".schemas", ".tasks", ".pipeline", ".kernels")
@@ -66,6 +68,7 @@ def of_code(function: Callable[..., Any]) -> str:
     # Whole modules rather than the functions called: what a function reaches is undecidable, what its module imports is not.
     modules: dict[str, str] = {}
     _collect(function.__module__, modules)
+    _kept().save()
     return digest(function.__qualname__, *_libraries(), *(modules[name] for name in sorted(modules)))
 
 
@@ -75,6 +78,7 @@ def of_modules(*names: str) -> str:
     modules: dict[str, str] = {}
     for name in names:
         _collect(name, modules)
+    _kept().save()
     return digest(*(modules[name] for name in sorted(modules)))
 
 
@@ -113,40 +117,23 @@ def _syntax(module: str) -> tuple[str, tuple[str, ...]]:
     spec = importlib.util.find_spec(module)
     if spec is None or spec.origin is None:
         return "", ()
-    tree = ast.parse(Path(spec.origin).read_text())
-    imported = []
-    for node in _statements(tree):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            imported.extend([node.module, *_submodules(node.module, node)])
-        elif isinstance(node, ast.Import):
-            imported.extend(alias.name for alias in node.names)
-        # The digest is of the syntax tree without docstrings: editing prose must not run a project again.
-        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef):
-            node.body = [part for part in node.body if not _is_docstring(part)] or [ast.Pass()]
-    return digest(ast.dump(tree)), tuple(name for name in imported if name.split(".")[0] == PACKAGE)
+    syntax = _kept().of(module, Path(spec.origin))
+    imported = (name for source, names in syntax.imports for name in (source, *_submodules(source, names)))
+    return syntax.tree, tuple(name for name in imported if name.split(".")[0] == PACKAGE)
 
 
-def _submodules(package: str, node: ast.ImportFrom) -> list[str]:
+@cache
+def _kept() -> SyntaxFile:
+    return SyntaxFile(cache_folder() / "syntax.json")
+
+
+def _submodules(package: str, names: tuple[str, ...]) -> list[str]:
     """Modules among the names that are imported from a package: `from orthomill.tasks.photos import exif`."""
-    spec = importlib.util.find_spec(package) if package.split(".")[0] == PACKAGE else None
+    spec = importlib.util.find_spec(package) if names and package.split(".")[0] == PACKAGE else None
     if spec is None or spec.submodule_search_locations is None:
         return []
     folders = [Path(place) for place in spec.submodule_search_locations]
-    return [f"{package}.{alias.name}" for alias in node.names if any((f / f"{alias.name}.py").exists() for f in folders)]
-
-
-def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """All statements, at any depth: imports, functions and classes are among them, and expressions need not be visited."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        for block in ("body", "orelse", "finalbody", "handlers", "cases"):
-            waiting.extend(getattr(node, block, ()))
-
-
-def _is_docstring(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    return [f"{package}.{name}" for name in names if any((folder / f"{name}.py").exists() for folder in folders)]
 
 
 def of_file(path: Path) -> str:

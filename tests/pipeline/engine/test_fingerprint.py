@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from orthomill.pipeline.engine import fingerprint
+from orthomill.pipeline.engine.module_syntax import SyntaxFile
 from orthomill.schemas.raster import MapGrid, Window
 
 
@@ -24,6 +25,7 @@ def package(tmp_path, monkeypatch):
     (tmp_path / "tasks" / "toy" / "method.py").write_text(text)
     (tmp_path / "tasks" / "toy" / "numbers.py").write_text("ONE = 1\n")
     monkeypatch.setattr("orthomill.tasks.__path__", [str(tmp_path / "tasks")])
+    monkeypatch.setattr(fingerprint, "_kept", lambda: SyntaxFile(tmp_path / "syntax.json"))
     yield tmp_path / "tasks" / "toy"
     sys.modules.pop("orthomill.tasks.toy", None)  # looking for a module imports its package, which would stay for the next test
 
