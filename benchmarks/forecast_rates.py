@@ -1,6 +1,6 @@
 """What each stage takes for a megapixel of photographs, of finished runs; and how the forecast from the others would have been.
 
-`python -m benchmarks forecast_rates RUN...` prints the rates that `pipeline/forecast/rates.py` holds.
+`python -m benchmarks forecast_rates RUN...` prints the rates that `pipeline/forecast/rates.json` holds.
 """
 
 from pathlib import Path
@@ -37,4 +37,4 @@ def main(words: list[str]) -> None:
         for name, of_run in found.items():
             if stage in of_run:
                 jobs, megabytes, seconds, peak = of_run[stage]
-                print(f"{stage:14} {name:12} Rate({jobs:.1f}, {megabytes:.1f}, {seconds:.2f}, {peak:.0f})")
+                print(f'{stage:14} "{name}": [{jobs:.1f}, {megabytes:.2f}, {seconds:.2f}, {peak:.0f}]')

@@ -59,6 +59,9 @@ class Stage(Settings):
     for_own_photographs: ClassVar[bool] = True
     """Whether a project with photographs of its own runs it at first: it needs neither known truth nor a reference."""
 
+    judges_surfaces: ClassVar[bool] = False
+    """Whether it takes part where a surface that somebody made is judged by photographs (`orthomill check`)."""
+
     kind: str
 
     def remarks(self, view: ProjectView) -> Iterator[str]:

@@ -35,8 +35,6 @@ from orthomill.schemas.stage_contract import Stage
 _HEAD = "# Written by orthomill check, which writes it anew every time it is called."
 _LINKS = "linked"
 """folder for links to files outside of the project's folder"""
-_ORIENTING = ("photos", "calibration", "tie_points", "orientation", "epipolar", "dsm_check")
-"""the stages of a check, in their order"""
 
 
 @dataclass(frozen=True)
@@ -202,7 +200,8 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
         settings["orientation"] = {"exterior": _exterior(_cameras_of(options, root), root)}
     if not options.fill:
         settings["epipolar"] = {"images": "none"}
-    kinds = [kind for kind in _ORIENTING if not (oriented and kind == "tie_points" and not _examines(options, root))]
+    judging = [kind_of(stage) for stage in catalogue if stage.judges_surfaces]
+    kinds = [kind for kind in judging if not (oriented and kind == "tie_points" and not _examines(options, root))]
     if options.fill:
         kinds.insert(kinds.index("dsm_check"), "densification")
     for kind in kinds:

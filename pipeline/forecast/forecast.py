@@ -11,7 +11,7 @@ from statistics import median
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.forecast.known_costs import MARGIN
-from orthomill.pipeline.forecast.rates import PROCESS_MIB, REFERENCE, TILE, Rate, rates_here
+from orthomill.pipeline.forecast.rates import PROCESS_MIB, TILE, Rate, rates_here, rates_of_release
 
 ONCE = 15.0
 """Jobs of a stage that it has for any block, at most: without them a block of a few megapixels would have none."""
@@ -73,7 +73,8 @@ def forecast(session: Session) -> Forecast | None:
 
 def block_forecast(kinds: Sequence[str], megapixels: float, tile: int, here: Mapping[str, tuple[Rate, ...]]) -> Forecast:
     """The forecast of the stages `kinds` for photographs of so many megapixels; `here`: the rates of this machine."""
-    known = {kind: (*here.get(kind, ()), *REFERENCE.get(kind, ())) for kind in kinds}
+    released = rates_of_release()
+    known = {kind: (*here.get(kind, ()), *released.get(kind, ())) for kind in kinds}
     stages = {
         kind: stage_forecast(rates, here.get(kind) or rates, megapixels, (tile / TILE) ** 2)
         for kind, rates in known.items()

@@ -16,6 +16,7 @@ class CalibrationStage(Stage):
     """Determines the interior orientation from the source that the project names."""
 
     title: ClassVar[str] = "Interior orientation"
+    judges_surfaces: ClassVar[bool] = True
     kind: Literal["calibration"] = "calibration"
     parameters: tuple[Parameter, ...] = setting(
         (),

@@ -26,6 +26,7 @@ class DsmCheckStage(Stage):
     """Two orthoimages made with the surface must agree; where they do not, their shift gives the error of the height."""
 
     title: ClassVar[str] = "Surface model check"
+    judges_surfaces: ClassVar[bool] = True
 
     kind: Literal["dsm_check"] = "dsm_check"
     surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")

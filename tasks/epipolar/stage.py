@@ -19,6 +19,7 @@ class EpipolarStage(Stage):
     """Normal-case images of the useful pairs: axes parallel, base along x, homologous points on one row, distortion removed."""
 
     title: ClassVar[str] = "Epipolar images"
+    judges_surfaces: ClassVar[bool] = True
 
     kind: Literal["epipolar"] = "epipolar"
     pairs: PairChoice = setting(PairChoice(), "Which pairs of photographs are used.")

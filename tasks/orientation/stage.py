@@ -34,6 +34,7 @@ class OrientationStage(Stage):
     """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
 
     title: ClassVar[str] = "Relative and block orientation"
+    judges_surfaces: ClassVar[bool] = True
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
         Adjusted(kind="adjusted"),

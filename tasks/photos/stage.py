@@ -15,6 +15,7 @@ class PhotosStage(Stage):
     """Reads JPEG, TIFF and PNG photographs of 8 or 16 bits, grey or RGB."""
 
     title: ClassVar[str] = "Photographs"
+    judges_surfaces: ClassVar[bool] = True
     kind: Literal["photos"] = "photos"
     coordinates: ImageCoordinates = setting(
         Digital(kind="digital"), "How image coordinates follow from pixels: digital cameras, or scans of film photographs."

@@ -28,6 +28,7 @@ class TiePointsStage(Stage):
     """Finds points that two or more photographs show and refines their measurements."""
 
     title: ClassVar[str] = "Tie points"
+    judges_surfaces: ClassVar[bool] = True
     kind: Literal["tie_points"] = "tie_points"
     search: Search = setting(
         FeatureSearch(kind="features"),

@@ -10,10 +10,12 @@ from orthomill.pipeline.engine.foresight import photograph_pixels, plan_ahead
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, write_facts
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.forecast.forecast import Amount, forecast, stage_forecast
-from orthomill.pipeline.forecast.rates import REFERENCE, Rate, rate_of, rates_here
+from orthomill.pipeline.forecast.rates import Rate, rate_of, rates_here, rates_of_release
+from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.tasks.catalogue import STAGES
 
+REFERENCE = rates_of_release()
 RUN = StageRun("photos", jobs=40, done=40, seconds=9.0, peak_bytes=1000 * 2**20, cpu_seconds=8.0, written=6_000_000)
 FACTS = RunFacts("a", "EPSG:2100", "1", "t", finished="t", pixels=2_000_000, tile=512, stages=(RUN,))
 
@@ -63,6 +65,11 @@ def test_the_forecast_follows_pixels_tile_and_the_runs_of_this_machine(session):
     assert second and second.runs == 1
     assert second.stages["photos"].seconds == Amount(pytest.approx(4.0 * 0.6912), pytest.approx(8.8 * 0.6912))
     assert second.megabytes.about > 0 and second.seconds.most >= second.seconds.about
+
+
+def test_of_every_stage_that_photographs_alone_need_something_is_known():
+    """Of scans that are registered, and of projections that somebody asks for, their pixels say little."""
+    assert {kind_of(stage) for stage in STAGES} - set(REFERENCE) == {"registration", "projection"}
 
 
 def test_without_photographs_nothing_is_foreseen(tmp_path):

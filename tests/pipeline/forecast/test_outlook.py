@@ -3,7 +3,7 @@ from pathlib import Path
 
 from orthomill.pipeline.forecast.forecast import block_forecast
 from orthomill.pipeline.forecast.outlook import effort_sentence, outlook
-from orthomill.pipeline.forecast.rates import REFERENCE
+from orthomill.pipeline.forecast.rates import rates_of_release
 from orthomill.schemas.findings.flight_findings import ExpectedFlight, FirstLook
 from orthomill.schemas.photo import Header
 from orthomill.tasks.catalogue import STAGES
@@ -29,5 +29,5 @@ def test_the_look_has_what_the_catalogue_expects_and_the_effort_of_a_run(tmp_pat
 
 
 def test_the_effort_grows_with_the_pixels():
-    hours = effort_sentence(block_forecast(tuple(REFERENCE), 1e5, 512, {}))
+    hours = effort_sentence(block_forecast(tuple(rates_of_release()), 1e5, 512, {}))
     assert re.search(r"about [\d.]+ h \(at most [\d.]+ h\)", hours) and "100000 megapixels" in hours
