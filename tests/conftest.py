@@ -1,6 +1,8 @@
 """Makes the shared scenes and stages importable by their names, in this process and in the worker processes that tests start."""
 
+import atexit
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -15,6 +17,11 @@ SUPPORT = [
 ]
 sys.path[:0] = SUPPORT
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))
+
+from made_once import shared_folder  # noqa: E402  found by the lines above
+
+if folder := shared_folder():
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 # Machines are busy, so no example has a deadline. CI draws the same examples each time: what it finds, everybody finds again.
 settings.register_profile("here", deadline=None)

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from small_site import finished_site, make_site, start_command, write_workflow
+from small_site import command_in, finished_site, make_site, write_workflow
 
 SEARCH = {"kind": "correlation", "points": {"min_strength": 100.0}, "correlation": {"search": 151, "min_correlation": 0.7}}
 
@@ -23,9 +23,7 @@ def sides(block) -> list[float]:
 def test_photographs_are_oriented_by_correlation_as_by_features(tmp_path):
     root = make_site(tmp_path / "site")
     write_workflow(root, stages=["photos", "calibration", {"kind": "tie_points", "search": SEARCH}, "orientation"])
-    process = start_command(root, "run", "site", "--sequential")
-    said, errors = process.communicate(timeout=600)
-    assert process.returncode == 0, said + errors
+    command_in(root, "run", "site", "--sequential")
     found, expected = block_of(root), block_of(finished_site()[0])
     assert len(found["photos"]) == 3 and found["sigma0_px"] < 0.5
     assert sides(found) == pytest.approx(sides(expected), abs=0.02)

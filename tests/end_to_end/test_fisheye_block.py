@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
-from small_site import command
+from small_site import command_in
 
 from orthomill.schemas.camera import Camera, FisheyeLens
 from orthomill.tasks.geometry.distortion import pixel_to_image
@@ -71,9 +71,7 @@ def project(tmp_path_factory):
         "stages": [*("photos", "calibration", "tie_points", "orientation", "epipolar"), {"kind": "densification", "cell": 0.8}],
     }
     (root / "workflows" / "wide.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(root)
-        command("run", "wide", "--sequential")
+    command_in(root, "run", "wide", "--sequential")
     return root / "runs" / "wide"
 
 

@@ -6,7 +6,7 @@ import tiny_block
 import yaml
 from PIL import Image
 from scipy.ndimage import map_coordinates
-from small_site import start_command
+from small_site import command_in
 
 from orthomill.schemas.orientation import Block
 
@@ -47,8 +47,7 @@ def oriented(root, name, cameras, photos_stage, photographs):
         "stages": [photos_stage, *STAGES],
     }
     (root / "workflows" / f"{name}.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
-    out, errors = (process := start_command(root, "run", name, "--sequential")).communicate(timeout=500)
-    assert process.returncode == 0, out + errors
+    command_in(root, "run", name, "--sequential")
     return Block.model_validate_json((root / "runs" / name / "tables" / "orientation" / "block.json").read_bytes())
 
 

@@ -28,7 +28,7 @@ def flight(camera, gnss=3.0, seed=1):
         for strip in range(2)
         for i in range(10)
     ]
-    xy = rng.uniform((-20, -15), (56, 30), (1500, 2))
+    xy = rng.uniform((-20, -15), (56, 30), (600, 2))
     points = np.column_stack([xy, 0.3 * np.sin(xy[:, 0] / 5.0) * np.cos(xy[:, 1] / 4.0)])
     return block_of(views, points, rng, sigma=0.12, gnss=gnss, camera=NOMINAL)
 

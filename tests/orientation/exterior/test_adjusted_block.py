@@ -223,11 +223,13 @@ def test_a_group_without_positions_is_kept_as_a_block_of_its_own():
 
 
 def test_no_overlap_at_all_is_one_clear_sentence():
-    block = one_strip(0, photos=3, tracks=100)
+    block = one_strip(0, photos=2, tracks=40)
     col, row = np.random.default_rng(1).uniform(0, [[1999], [1124]], (2, len(block.tie_points)))
     shuffled = replace(block.tie_points, col=col, row=row)
+    # Of a camera that is given no distortions are tried, each of which is another search through wrong matches.
+    given = block.cameras.model_copy(update={"cameras": {"cam": DRONE.model_copy(update={"source": "given"})}})
     with pytest.raises(GeometryError, match="No two photographs could be oriented"):
-        orient(replace(block, tie_points=shuffled))
+        orient(replace(block, tie_points=shuffled, cameras=given))
 
 
 def test_the_report_agrees_with_the_block(volos_like):
@@ -246,10 +248,10 @@ def test_the_report_agrees_with_the_block(volos_like):
 
 
 @pytest.mark.slow
-def test_standard_errors_are_honest_over_twenty_seeds():
+def test_standard_errors_are_honest_over_twelve_seeds():
     orientation, checks, interior = [], [], []
-    for seed in range(20):
-        block = two_strips(100 + seed)
+    for seed in range(12):
+        block = two_strips(100 + seed, tracks=500)
         out = orient(block)
         orientation.append(standardised_orientation(block, out["block"]))
         checks += [np.array(p.difference) / p.predicted for p in out["ground_residuals"].of_role("check")]

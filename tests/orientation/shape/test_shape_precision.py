@@ -107,10 +107,10 @@ def strip(seed):
     own = {"x0": 12 * rng.standard_normal(), "y0": 12 * rng.standard_normal(), "k3": 0.01 * rng.standard_normal()}
     camera = DRONE.changed(k1=-0.02, **own)
     places = [
-        ((407000 + 20 * i, 4357000 + 35 * s, 180.0), (*rng.normal(0, 1, 2), 90.0 + 180 * s)) for s in (0, 1) for i in range(7)
+        ((407000 + 20 * i, 4357000 + 35 * s, 180.0), (*rng.normal(0, 1, 2), 90.0 + 180 * s)) for s in (0, 1) for i in range(5)
     ]
     views = [view(f"d{i}", camera, *place) for i, place in enumerate(places)]
-    return simulate(views, DRONE.changed(c=1165.0, k1=0.0), seed, gnss=3.0, control=0, check=0, tracks=400)
+    return simulate(views, DRONE.changed(c=1165.0, k1=0.0), seed, gnss=3.0, control=0, check=0, tracks=200)
 
 
 def bend(block, points):
@@ -127,7 +127,7 @@ def bend(block, points):
 @pytest.mark.slow
 def test_cameras_that_differ_from_their_tags_bend_blocks_by_what_is_stated():
     ratios = []
-    for seed in range(30):
+    for seed in range(14):
         block = strip(seed)
         out = orient(block)
         ratios.append(bend(block, out["points"]) / out["precision"].bend_sigma)

@@ -140,7 +140,7 @@ def told_constant(out):
 @pytest.mark.parametrize("known", KNOWN)
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_the_block(factor, known):
-    block = two_strips(34, **KNOWN[known])
+    block = two_strips(34, tracks=600, **KNOWN[known])
     out = orient(with_focal_length(block, factor, "exif"))
     assert "which was used" in told_constant(out)
     assert len(names_of(out)) == 6 and out["precision"].blunders == ()
@@ -154,7 +154,7 @@ def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_th
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
-    out = orient(with_focal_length(two_strips(34), factor, "given"), interior=FIXED)
+    out = orient(with_focal_length(two_strips(34, tracks=600), factor, "given"), interior=FIXED)
     assert "the workflow fixes it" in told_constant(out)
     assert out["block"].cameras["cam"].c == pytest.approx(factor * TRUE_CAMERA.c, rel=0.01)
 
@@ -162,7 +162,7 @@ def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
 @pytest.mark.slow
 def test_a_right_focal_length_is_not_blamed():
     for known in KNOWN.values():
-        out = orient(with_focal_length(two_strips(37, **known), 1.0, "exif"))
+        out = orient(with_focal_length(two_strips(37, tracks=600, **known), 1.0, "exif"))
         assert not any("contradicts the camera constant" in text for text in sentences(out["precision"]))
 
 

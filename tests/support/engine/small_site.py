@@ -1,17 +1,16 @@
 """A project of three small real photographs, and the command line: shared by the tests that run the whole program."""
 
-import atexit
 import os
 import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from functools import cache
 from io import BytesIO
 from pathlib import Path
 
 import yaml
+from made_once import made_once
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -75,6 +74,16 @@ def command(*words: str, code: int = 0) -> str:
     return said
 
 
+def command_in(root: Path, *words: str) -> str:
+    """`command` with `root` as the current folder, for what is made once for several tests."""
+    before = Path.cwd()
+    os.chdir(root)
+    try:
+        return command(*words)
+    finally:
+        os.chdir(before)
+
+
 def counts(said: str) -> tuple[int, int, int]:
     """Jobs run, unchanged and failed, from the output of a run."""
     found = re.search(r"(\d+) jobs run, (\d+) unchanged, (\d+) failed", said)
@@ -98,14 +107,16 @@ def start_command(root: Path, *words: str, **options) -> subprocess.Popen:
     )
 
 
-@cache
 def finished_site() -> tuple[Path, str]:
     """The root of a site that was run to its end, one job after another, and the output; made once, for copies only."""
-    root = Path(tempfile.mkdtemp(prefix="orthomill-site-"))
-    atexit.register(shutil.rmtree, root, ignore_errors=True)
+    root = made_once("finished_site", _finish_site)
+    return root, (root / "said.txt").read_text()
+
+
+def _finish_site(root: Path) -> None:
     said, errors = (process := start_command(make_site(root), "run", "site", "--sequential")).communicate(timeout=600)
     assert process.returncode == 0, errors
-    return root, said
+    (root / "said.txt").write_text(said)
 
 
 def copy_of_finished_site(target: Path) -> Path:
