@@ -9,17 +9,20 @@ from orthomill.schemas.bare_ground import PointClasses
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, SurfacePoints
 from orthomill.tasks.terrain.ground.block_heights import block_heights
-from orthomill.tasks.terrain.ground.bridges import BareBlocks, anchors_of, bridge
+from orthomill.tasks.terrain.ground.bridges import BareBlocks, bridge
 from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
-from orthomill.tasks.terrain.ground.learned_errors import ErrorCurve, HiddenGround, hidden_ground
-from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells
+from orthomill.tasks.terrain.ground.hidden_ground import Told, told_by_ground
+from orthomill.tasks.terrain.ground.islands import standing_islands
+from orthomill.tasks.terrain.ground.learned_errors import FillErrors
+from orthomill.tasks.terrain.ground.mean_value_fill import LONGEST_SLOPE
+from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells, rings
 from orthomill.tasks.terrain.ground.terrain_cells import cell_ground
 from orthomill.tasks.terrain.objects.object_classes import RoofRules, cell_classes, point_classes, roof_cells, terrain_codes
 
-NO_GROUND, MARGIN, ANCHOR = 0, 1, 2
-"""codes of blocks: no ground, ground beside something else, and ground that lies free"""
-MIXED_WIDTH = 4
+MIXED_WIDTH = 6
 """cells beside an object over which windows of the matching see both"""
+SURE = 3.0
+"""standard errors that the step between two neighbours of ground must have to tell ground from objects"""
 _LEAST_ROOF = 1.5
 """m: half the width of the least roof"""
 _ROOF_RIM = 8
@@ -50,8 +53,18 @@ class TerrainRules:
 
     @property
     def filter_halo(self) -> int:
-        """Blocks around a tile that decide about its ground."""
-        return filter_halo(self.radii) + STEPS + self.margin
+        """Blocks around a tile that decide which of its blocks the filter keeps."""
+        return filter_halo(self.radii)
+
+    @property
+    def ground_halo(self) -> int:
+        """Blocks around a tile of what the filter keeps that decide about its ground."""
+        return STEPS + self.margin + 2 * self.across
+
+    @property
+    def across(self) -> int:
+        """Blocks along the widest object."""
+        return int(np.ceil(self.widest / self.block))
 
     @property
     def margin(self) -> int:
@@ -59,9 +72,19 @@ class TerrainRules:
         return max(round(MIXED_WIDTH / self.factor), 1)
 
     @property
+    def step(self) -> float:
+        """How much higher ground can be than ground in the next block, m."""
+        return self.steepest * float(np.sqrt(2.0)) * self.block + self.roughness
+
+    @property
     def far(self) -> int:
         """How far ground is bridged, blocks."""
         return max(round(self.reach / self.block), 1)
+
+    @property
+    def fill_halo(self) -> int:
+        """Blocks around a tile that its bridges follow from."""
+        return self.far + 2 * LONGEST_SLOPE
 
     @property
     def shift(self) -> int:
@@ -89,41 +112,58 @@ class TerrainTile(NamedTuple):
     cell_class: np.ndarray
 
 
+def evidence(heights: np.ndarray, sigma: np.ndarray, provenance: np.ndarray, rules: TerrainRules) -> np.ndarray:
+    """(rows, cols) bool: measured heights (m) so sure that they tell ground from what stands on it."""
+    return np.isin(provenance, MEASURED) & np.isfinite(heights) & (sigma <= rules.step / SURE)
+
+
 def blocks_of_tile(
     heights: np.ndarray, sigma: np.ndarray, datum: np.ndarray, provenance: np.ndarray, rules: TerrainRules
 ) -> np.ndarray:
-    """`block_heights` of the measured cells of a tile."""
+    """`block_heights` of the cells of a tile that are evidence."""
     rise = rules.roughness + rules.steepest * rules.block
-    return block_heights(heights, sigma, datum, np.isin(provenance, MEASURED), rules.factor, rise)
+    return block_heights(heights, sigma, datum, evidence(heights, sigma, provenance, rules), rules.factor, rise)
 
 
-def ground_of_tile(blocks: np.ndarray, window: Window, core: Window, rules: TerrainRules) -> np.ndarray:
-    """uint8 codes of the blocks `core`: no ground, margin or anchor; `blocks` (rows, cols, 3) cover `window`."""
+def filter_tile(blocks: np.ndarray, window: Window, core: Window, rules: TerrainRules) -> np.ndarray:
+    """(rows, cols) uint8: 1 for the blocks `core` that the filter keeps; `blocks` (rows, cols, 3) cover `window`."""
     heights = np.ascontiguousarray(blocks[..., 0])
-    ground = ground_cells(heights, rules.radii, rules.slope, rules.roughness, rules.block)
+    kept = ground_cells(heights, rules.radii, rules.slope, rules.roughness, rules.block)
+    return kept[core.within(window).slices].astype(np.uint8)
+
+
+def ground_of_tile(blocks: np.ndarray, kept: np.ndarray, window: Window, core: Window, rules: TerrainRules) -> np.ndarray:
+    """uint8 `rings` of the blocks `core`, from what the filter kept; both cover `window`."""
+    heights = np.ascontiguousarray(blocks[..., 0])
+    ground = kept > 0
+    ground &= ~standing_islands(ground, heights, rules.across, (rules.step, rules.slope * rules.block, rules.roughness))
     ground = continued(ground, heights, rules.steepest, rules.roughness, rules.block)
-    codes = np.where(anchors_of(ground, rules.margin), ANCHOR, np.where(ground, MARGIN, NO_GROUND)).astype(np.uint8)
-    return codes[core.within(window).slices]
+    return rings(ground, rules.margin)[core.within(window).slices]
 
 
-def hide_in_tile(
+def tell_of_tile(
     blocks: np.ndarray, ground: np.ndarray, window: Window, core: Window, rules: TerrainRules, moved: np.ndarray | None = None
-) -> HiddenGround:
-    """What hiding ground tells in the blocks `core`; blocks and ground codes cover `window`, `moved` the same one some blocks away,
-    whose part outside the raster is missing: there nothing is hidden."""
-    pattern = np.full(ground.shape, True)
+) -> Told:
+    """What the ground of the blocks `core` tells; blocks and rings cover `window`, `moved` the same one some blocks away, whose
+    part outside the raster is missing: there nothing is hidden."""
+    pattern, free = np.full(ground.shape, True), rules.margin + 1
     if moved is not None:
-        pattern[: moved.shape[0], : moved.shape[1]] = moved == ANCHOR
-    return hidden_ground(blocks[..., 0], ground == ANCHOR, pattern, core.within(window).slices, rules.far)
+        pattern[: moved.shape[0], : moved.shape[1]] = moved == free
+    place = window.row, window.col
+    return told_by_ground(blocks, ground, free, pattern, core.within(window).slices, place, rules.far)
 
 
 def bridge_tile(
-    blocks: np.ndarray, ground: np.ndarray, curve: ErrorCurve, window: Window, core: Window, rules: TerrainRules
+    blocks: np.ndarray,
+    ground: np.ndarray,
+    expected: np.ndarray,
+    errors: FillErrors,
+    window: Window,
+    core: Window,
+    rules: TerrainRules,
 ) -> BareBlocks:
-    """The bare ground of the blocks `core`; blocks and ground codes cover `window`."""
-    found = bridge(blocks, ground != NO_GROUND, ground == ANCHOR, curve, rules.far)
-    inner = core.within(window).slices
-    return BareBlocks(found.bare[inner], found.open_side[inner])
+    """The bare ground of the blocks `core`; blocks, rings and expected heights cover `window`."""
+    return bridge(blocks, ground, expected, errors, core.within(window).slices, rules.far)
 
 
 def terrain_tile(
@@ -140,8 +180,9 @@ def terrain_tile(
     """The terrain of the cells `core`; heights, sigma, provenance cover the first of the windows, the rasters of blocks the
     second."""
     measured = np.isin(provenance, MEASURED) & np.isfinite(heights)
+    sure = evidence(heights, sigma, provenance, rules)
     place = (*windows, rules.factor)
-    found = cell_ground(bare, open_side, ground != NO_GROUND, heights, sigma, measured, place, rules.rise)
+    found = cell_ground(bare, open_side, ground > 0, heights, sigma, sure, place, rules.rise)
     above = heights - found.height
     roof = roof_cells(above, sigma, measured, rules.cell, rules.roofs)
     codes = terrain_codes(np.isfinite(found.height), found.measured, found.bridged, np.nan_to_num(above), roof)

@@ -7,6 +7,7 @@ from hilly_ground import HOUSE, KNOLL, TREES, bare_land, model
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.continued_ground import continued
+from orthomill.tasks.terrain.ground.islands import standing_islands
 from orthomill.tasks.terrain.ground.morphological_filter import disc_radii, filter_halo, ground_cells
 
 RADII = disc_radii(30.0)
@@ -36,6 +37,16 @@ def test_a_knoll_that_the_filter_takes_off_is_continued_ground_and_the_house_is_
     found = continued(cut, z, 0.7, 0.2, 1.0)
     assert found[top].all() and not found[HOUSE].any()
     assert not (found & np.isnan(z)).any()
+
+
+def test_a_roof_beside_which_nothing_was_measured_is_an_island_and_a_courtyard_is_not():
+    z = np.full((80, 80), 10.0, np.float32)
+    z[:12, 30:45] = 16.0
+    z[:16, 26:30] = z[:16, 45:49] = z[12:16, 26:49] = np.nan
+    z[50:62, 20:32] = np.nan
+    z[54:58, 24:28] = 10.4
+    stands = standing_islands(np.isfinite(z), z, 30, (1.2, 0.15, 0.2))
+    assert stands[:12, 30:45].all() and not stands[54:58, 24:28].any() and stands.sum() == 12 * 15
 
 
 def test_a_block_that_ground_and_a_roof_share_has_the_height_of_the_ground():

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.tasks.terrain.ground.bridges import anchors_of, bridge
-from orthomill.tasks.terrain.ground.learned_errors import CLASSES, LEAST_CELLS, HiddenGround, hidden_ground, learned_errors
-from orthomill.tasks.terrain.ground.mean_value_fill import DIRECTIONS, HALF, fill_gaps
+from orthomill.tasks.terrain.ground.bridges import bridge
+from orthomill.tasks.terrain.ground.hidden_ground import told_by_ground
+from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, GroundSamples, learned_errors
+from orthomill.tasks.terrain.ground.mean_value_fill import DIRECTIONS, HALF, GapFill, fill_gaps
+from orthomill.tasks.terrain.ground.morphological_filter import rings
 
 ROW, COL = np.mgrid[:60, :70].astype(np.float64)
 
@@ -43,49 +45,92 @@ def test_nothing_beyond_the_reach_counts():
     assert fill.open_side[30, 12] >= HALF and not fill.enclosed[30, 12] and fill.open_side[30, 40] == DIRECTIONS
 
 
+def samples(distance, bend, off, ring=0) -> GroundSamples:
+    count = len(off)
+    number = np.arange(count)
+    return GroundSamples(
+        row=number,
+        col=number,
+        ring=np.full(count, ring, np.uint8),
+        distance=np.full(count, distance, np.float32),
+        bend=np.asarray(bend, np.float32),
+        off=np.asarray(off, np.float32),
+        enclosed=np.ones(count, bool),
+    )
+
+
+def noise(count: int, sigma: float) -> np.ndarray:
+    return np.random.default_rng(3).normal(0, sigma, count)
+
+
 def test_the_error_grows_with_the_distance_as_hidden_ground_told():
-    cells, squares = [0] * CLASSES, [0.0] * CLASSES
-    for k, error in ((1, 0.05), (2, 0.1), (4, 0.4)):
-        cells[k], squares[k] = 1000, 1000 * error**2
-    curve = learned_errors((HiddenGround(cells=(tuple(cells), (0,) * CLASSES), squares=(tuple(squares), (0.0,) * CLASSES)),), 2.0)
-    assert curve.enclosed[1:5] == pytest.approx((0.05, 0.1, 0.25, 0.4))
-    assert curve.enclosed[0] == pytest.approx(0.025) and curve.enclosed[5] == pytest.approx(0.8)
-    assert all(o >= e for o, e in zip(curve.one_sided, curve.enclosed, strict=True))
-    fill = fill_gaps(plane()[..., None], ~gap(), gap(), 40)
-    errors = curve.at(fill)
-    assert (np.diff(errors[30, 35:49]) <= 0).all(), "less towards the border of the gap"
+    parts = tuple(samples(2.0**k - 0.1, np.zeros(2000), noise(2000, error)) for k, error in ((1, 0.05), (2, 0.1), (4, 0.4)))
+    errors = learned_errors(parts, 2.0, 4)
+    known = errors.enclosed.error
+    assert known[1:5] == pytest.approx((0.05, 0.1, 0.25, 0.4), rel=0.06)
+    assert known[0] == pytest.approx(known[1] / 2) and known[5] == pytest.approx(2 * known[4])
+    assert all(o >= e for o, e in zip(errors.one_sided.error, known, strict=True))
+    _, sigma = errors.at(fill_gaps(plane()[..., None], ~gap(), gap(), 40))
+    assert (np.diff(sigma[30, 35:49]) <= 0).all(), "less towards the border of the gap"
+
+
+def test_the_share_of_a_bend_that_hidden_ground_shows_is_added_and_its_error_grows_with_it():
+    bend = np.random.default_rng(5).normal(0, 0.5, 4000)
+    errors = learned_errors((samples(6.0, bend, 0.6 * bend + noise(4000, 0.1) * (1 + 3 * np.abs(bend))),), 1.0, 4)
+    assert errors.enclosed.found[3] == pytest.approx(0.6, abs=0.05)
+    flat, bent = (
+        GapFill(np.zeros((1, 1)), np.full(1, 6.0, np.float32), np.zeros(1, np.uint8), np.full(1, b, np.float32)) for b in (0, 1)
+    )
+    assert errors.at(bent)[0][0] == pytest.approx(0.6, abs=0.06) and errors.at(bent)[1][0] > 2 * errors.at(flat)[1][0]
+    torn = GapFill(np.zeros((1, 1)), np.full(1, 6.0, np.float32), np.zeros(1, np.uint8), np.full(1, 40.0, np.float32))
+    assert errors.at(torn)[0][0] < 2.0 < 30 < errors.at(torn)[1][0], "a bend beyond any that was seen is an error, not ground"
 
 
 def test_without_hidden_ground_the_error_is_that_of_hilly_land():
-    none = HiddenGround(cells=((LEAST_CELLS - 1,) * CLASSES, (0,) * CLASSES), squares=((0.0,) * CLASSES, (0.0,) * CLASSES))
-    curve = learned_errors((none,), 2.0)
-    assert curve.enclosed == pytest.approx([0.2 * d for d in curve.distance])
+    errors = learned_errors((samples(3.0, np.zeros(LEAST_SAMPLES - 1), np.zeros(LEAST_SAMPLES - 1)),), 2.0, 4)
+    assert errors.enclosed.error == pytest.approx([0.2 * d for d in errors.distance]) and errors.lifted == (0.0,) * 4
+
+
+def test_what_samples_tell_does_not_depend_on_the_order_of_tiles():
+    parts = tuple(samples(4.0, noise(300, 0.1) + k, noise(300, 0.3), ring=k).take(np.arange(300)) for k in range(3))
+    shifted = tuple(GroundSamples(**{**vars(p), "row": p.row + 1000 * k}) for k, p in enumerate(parts))
+    assert learned_errors(shifted, 1.0, 2) == learned_errors(shifted[::-1], 1.0, 2)
 
 
 def test_hidden_ground_is_judged_by_what_was_measured():
     z = (plane() + np.where(gap(), 0.5, 0.0)).astype(np.float32)
-    everywhere = np.ones(z.shape, bool)
-    part = hidden_ground(z, everywhere, ~gap(), (slice(None), slice(None)), 40)
-    assert sum(part.cells[0]) == gap().sum() and sum(part.cells[1]) == 0
-    assert sum(part.squares[0]) / gap().sum() == pytest.approx(0.25, abs=0.02)
+    blocks = np.stack([z, z, z], axis=-1)
+    rings = np.full(z.shape, 5, np.uint8)
+    told = told_by_ground(blocks, rings, 5, ~gap(), (slice(0, 60), slice(0, 70)), (0, 0), 40)
+    assert len(told.samples) == gap()[::3, ::3].sum() and told.samples.enclosed.all() and np.isnan(told.expected).all()
+    assert told.samples.off == pytest.approx(0.5, abs=0.1)
 
 
-def test_ground_beside_a_wall_is_corrected_by_the_ground_farther_away_and_a_bank_is_kept():
+def test_ground_at_the_foot_of_walls_is_as_much_too_high_as_the_block_tells():
     z, sigma = plane(), np.full(ROW.shape, 0.02)
-    wall = (abs(ROW - 30) < 5) & (abs(COL - 20) < 6)
-    beside = ~anchors_of(~wall, 4) & ~wall
-    high = z + np.where(beside, 0.3, 0.0)
-    high[27:33, 60:66] += 3.0
-    bank = np.zeros(z.shape, bool)
-    bank[27:33, 60:66] = True
-    sigma[beside | bank] = 0.25
-    blocks = np.stack([high, sigma, np.full(z.shape, 0.01)], axis=-1).astype(np.float32)
-    cells = tuple([1000] * CLASSES)
-    squares = tuple(1000 * (0.01 * 2**k) ** 2 for k in range(CLASSES))
-    curve = learned_errors((HiddenGround(cells=(cells, cells), squares=(squares, squares)),), 1.0)
-    found = bridge(blocks, ~wall, ~wall & ~beside & ~bank, curve, 40)
+    wall = gap()
+    ring = rings(~wall, 4)
+    lift = np.array([0.0, 0.3, 0.2, 0.1, 0.05, 0.0])[ring]
+    sigma[(ring > 0) & (ring < 5)] = 0.25
+    blocks = np.stack([z + lift, sigma, np.full(z.shape, 0.01)], axis=-1).astype(np.float32)
+    core = (slice(0, 60), slice(0, 70))
+    told = told_by_ground(blocks, ring, 5, np.ones(z.shape, bool), core, (0, 0), 40)
+    many = GroundSamples(**{name: np.tile(values, 30) for name, values in vars(told.samples).items()})
+    errors = learned_errors((many, samples(3.0, np.zeros(500), noise(500, 0.05))), 1.0, 4)
+    assert errors.lifted == pytest.approx((0.3, 0.2, 0.1, 0.05), abs=0.03)
+    found = bridge(blocks, ring, told.expected, errors, core, 40)
     off = found.bare[..., 0] - z
-    assert np.abs(off[beside]).max() < 0.15 and np.sqrt((off[beside] ** 2).mean()) < 0.08
-    assert np.sqrt((off[wall] ** 2).mean()) < 0.08 and (np.abs(off[wall]) < 3 * found.bare[..., 1][wall]).all()
-    assert off[bank] == pytest.approx(3.0, abs=1e-3), "what contradicts the ground around by far is no bias"
-    assert found.bare[..., 3][~beside & ~wall] == pytest.approx(0.0)
+    assert np.abs(off[(ring > 0) & (ring < 5) & np.isfinite(told.expected[..., 0])]).max() < 0.1
+    assert np.sqrt((off[wall] ** 2).mean()) < 0.05 and (np.abs(off[wall]) < 3 * found.bare[..., 1][wall]).all()
+    assert found.bare[..., 3][ring == 5] == pytest.approx(0.0)
+
+
+def test_a_hilltop_in_a_gap_is_announced_by_the_slopes_around_it_and_a_pond_is_not():
+    away = np.hypot(ROW - 30, COL - 35)
+    hill = 60.0 - 0.005 * away**2
+    gap_here = away < 12
+    fill = fill_gaps(hill[..., None], ~gap_here, gap_here, 40)
+    assert hill[30, 35] - fill.values[30, 35, 0] == pytest.approx(0.5 * fill.bend[30, 35], rel=0.5) and fill.bend[30, 35] > 0.5
+    pond = np.where(gap_here, 50.0, 50.0 + 0.3 * (away - 12))
+    fill = fill_gaps(pond[..., None], ~gap_here, gap_here, 40)
+    assert abs(fill.bend[gap_here]).max() < 0.35, "a hollow is full of water"

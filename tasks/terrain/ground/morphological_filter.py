@@ -45,6 +45,15 @@ def ground_cells(heights: np.ndarray, radii: tuple[int, ...], slope: float, step
     return ground
 
 
+def rings(ground: np.ndarray, margin: int) -> np.ndarray:
+    """(rows, cols) uint8: 0 where there is no `ground` (rows, cols) bool, else the distance to the nearest such cell, from 1 on;
+    `margin` + 1 for all that lies farther than `margin` cells."""
+    import cv2
+
+    away = cv2.distanceTransform(ground.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.where(ground, np.clip(np.rint(away), 1, margin + 1), 0).astype(np.uint8)
+
+
 def _disc(radius: int) -> np.ndarray:
     """uint8 (2 radius + 1, 2 radius + 1)."""
     row, col = np.ogrid[-radius : radius + 1, -radius : radius + 1]

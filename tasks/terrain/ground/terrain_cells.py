@@ -52,8 +52,9 @@ def cell_ground(
         height, error, datum, added = (between(bare[..., k], row, col) for k in range(BANDS))
         at = np.ix_(np.rint(row).astype(np.int64), np.rint(col).astype(np.int64))
         own, side = ground[at] & measured & (np.abs(heights - height) <= rise), open_side[at]
-    # Inside a block the cell itself is the measurement: the mean of the block knows nothing of what is smaller.
-    height, error = np.where(own, heights + added, height), np.where(own, np.fmin(sigma, error), error)
+    # Inside a block the cell itself is the measurement: the mean of the block knows nothing of what is smaller. It is no better
+    # than that, for neighbours share their errors.
+    height, error = np.where(own, heights + added, height), np.where(own & (factor > 1), np.fmax(sigma, error), error)
     there = np.isfinite(height) & (np.isfinite(heights) | (side < QUARTER))
     height, error, datum = (np.where(there, values, np.nan).astype(np.float32) for values in (height, error, datum))
     return CellGround(height, error, datum, own & there, there & ~own & (side < HALF))

@@ -13,8 +13,8 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, points_table
-from orthomill.tasks.terrain.ground import block_heights, bridges
-from orthomill.tasks.terrain.ground.learned_errors import ErrorCurve, HiddenGround, learned_errors
+from orthomill.tasks.terrain.ground import block_heights, bridges, hidden_ground
+from orthomill.tasks.terrain.ground.learned_errors import FillErrors, GroundSamples, learned_errors
 from orthomill.tasks.terrain.ground.terrain_cells import blocks_around
 from orthomill.tasks.terrain.plan.contour_jobs import INTERVAL, contour_jobs
 from orthomill.tasks.terrain.report.terrain_report import TerrainFacts, terrain_report
@@ -25,25 +25,32 @@ from orthomill.tasks.terrain.terrain_tile import (
     blocks_of_tile,
     bridge_tile,
     classify_points,
+    filter_tile,
     ground_of_tile,
-    hide_in_tile,
+    tell_of_tile,
     terrain_tile,
 )
 
 BLOCKS = "terrain/blocks"
 """float32 m (rows, cols, 3): height of blocks of cells, its standard error among neighbours, that of the datum; NaN where too
 little was measured"""
+KEPT = "terrain/kept"
+"""uint8 (rows, cols): 1 for blocks that the filter keeps"""
 GROUND = "terrain/ground"
-"""uint8 (rows, cols): blocks that are no ground, ground beside something else, and free ground"""
+"""uint8 (rows, cols): 0 for blocks that are no ground; blocks to the nearest such one for ground, up to the margin and one more"""
+EXPECTED = "terrain/expected"
+"""float32 (rows, cols, 4): of ground beside objects, what `told_by_ground` expects there"""
 BARE = "terrain/bare"
 """float32 m (rows, cols, 4): the bare ground of blocks, its standard error, that of the datum, and what was added beside objects"""
 OPEN_SIDE = "terrain/open_side"
 """uint8 (rows, cols): the widest angle without ground around a block"""
-CURVE = Table("terrain/hidden_ground.json", ErrorCurve)
+ERRORS = Table("terrain/fill_errors.json", FillErrors)
 BLOCKS_OF_WIDEST = 60
 """blocks along the widest object: enough to see its shape"""
 MOST_CELLS = 64
 """cells along a block: tiles are a multiple of it"""
+_SAMPLE = 200
+"""bytes of a sample of hidden ground and its copies"""
 BLOCK_AXES = ("block_y", "block_x")
 _CELL_RASTERS = {
     "height": TERRAIN,
@@ -102,16 +109,17 @@ class TerrainJobs:
     def all(self) -> Iterator[RasterSpec | Job | Export]:
         """All jobs."""
         yield from self._rasters()
-        for of_tile in (self._blocks, self._ground, self._hidden):
+        for of_tile in (self._blocks, self._kept, self._ground, self._told):
             yield from map(of_tile, self.tiles)
-        parts = {"parts": tuple(_hidden_table(tile) for tile in self.tiles)}
+        parts = {"parts": tuple(_samples_table(tile) for tile in self.tiles)}
         yield Job(
             stage="terrain",
             item="learned",
             function=learned_errors,
             reads=parts,
-            writes={"curve": CURVE},
-            params={"cell": self.rules.block},
+            writes={"errors": ERRORS},
+            params={"cell": self.rules.block, "rings": self.rules.margin},
+            scratch=_SAMPLE * self.coarse.cells // hidden_ground.STRIDE**2,
         )
         for of_tile in (self._bridge, self._cells, self._points, self._sums):
             yield from map(of_tile, self.tiles)
@@ -130,9 +138,9 @@ class TerrainJobs:
         for name in (TERRAIN_CODE, CELL_CLASS):
             yield map_raster(name, grid, "uint8", crs, size, nodata=0)
         coarse, chunk = self.coarse, size // self.rules.factor
-        for name, bands in ((BLOCKS, block_heights.BANDS), (BARE, bridges.BANDS)):
+        for name, bands in ((BLOCKS, block_heights.BANDS), (EXPECTED, hidden_ground.BANDS), (BARE, bridges.BANDS)):
             yield map_raster(name, coarse, "float32", crs, chunk, nodata=nan, unit="m", bands=bands, axes=BLOCK_AXES, colours=False)
-        for name in (GROUND, OPEN_SIDE):
+        for name in (KEPT, GROUND, OPEN_SIDE):
             yield map_raster(name, coarse, "uint8", crs, chunk, axes=BLOCK_AXES)
 
     def _core(self, tile: Tile) -> Window:
@@ -160,29 +168,41 @@ class TerrainJobs:
         scratch = 64 * tile.window.cells
         return self._job(tile, "blocks", blocks_of_tile, reads, writes, {"rules": self.rules}, scratch)
 
-    def _ground(self, tile: Tile) -> Job:
+    def _kept(self, tile: Tile) -> Job:
         core = self._core(tile)
         window = core.grown(self.rules.filter_halo).clipped(self.coarse.shape)
         reads = {"blocks": Raster(BLOCKS, window)}
         params = {"window": window, "core": core, "rules": self.rules}
-        scratch = 48 * window.cells
-        return self._job(tile, "ground", ground_of_tile, reads, {"ground": Raster(GROUND, core)}, params, scratch)
+        return self._job(tile, "kept", filter_tile, reads, {"kept": Raster(KEPT, core)}, params, 48 * window.cells)
 
-    def _hidden(self, tile: Tile) -> Job:
+    def _ground(self, tile: Tile) -> Job:
+        core = self._core(tile)
+        window = core.grown(self.rules.ground_halo).clipped(self.coarse.shape)
+        reads = {"blocks": Raster(BLOCKS, window), "kept": Raster(KEPT, window)}
+        params = {"window": window, "core": core, "rules": self.rules}
+        # Numbers and extents of patches, and what waits to be numbered.
+        return self._job(tile, "ground", ground_of_tile, reads, {"ground": Raster(GROUND, core)}, params, 72 * window.cells)
+
+    def _told(self, tile: Tile) -> Job:
         core, shift = self._core(tile), self.rules.shift
-        window = core.grown(self.rules.far).clipped(self.coarse.shape)
+        window = core.grown(self.rules.fill_halo).clipped(self.coarse.shape)
         moved = Window(window.row + shift, window.col + shift, window.height, window.width).clipped(self.coarse.shape)
         reads: dict[str, Reading] = {"blocks": Raster(BLOCKS, window), "ground": Raster(GROUND, window)}
         if not moved.empty:
             reads["moved"] = Raster(GROUND, moved)
+        writes = {"samples": _samples_table(tile), "expected": Raster(EXPECTED, core)}
         params = {"window": window, "core": core, "rules": self.rules}
-        scratch = 40 * window.cells
-        return self._job(tile, "hidden", hide_in_tile, reads, {"hidden": _hidden_table(tile)}, params, scratch)
+        return self._job(tile, "told", tell_of_tile, reads, writes, params, 96 * window.cells)
 
     def _bridge(self, tile: Tile) -> Job:
         core = self._core(tile)
-        window = core.grown(2 * self.rules.far).clipped(self.coarse.shape)
-        reads = {"blocks": Raster(BLOCKS, window), "ground": Raster(GROUND, window), "curve": CURVE}
+        window = core.grown(self.rules.fill_halo).clipped(self.coarse.shape)
+        reads: dict[str, Reading] = {
+            "blocks": Raster(BLOCKS, window),
+            "ground": Raster(GROUND, window),
+            "expected": Raster(EXPECTED, window),
+            "errors": ERRORS,
+        }
         writes = {"bare": Raster(BARE, core), "open_side": Raster(OPEN_SIDE, core)}
         params = {"window": window, "core": core, "rules": self.rules}
         return self._job(tile, "bridge", bridge_tile, reads, writes, params, 120 * window.cells)
@@ -214,7 +234,7 @@ class TerrainJobs:
         return tuple(_sums_table(tile) for tile in self.tiles)
 
     def _report(self) -> Job:
-        reads: dict[str, Reading] = {"sums": self._sums_tables, "curve": CURVE}
+        reads: dict[str, Reading] = {"sums": self._sums_tables, "errors": ERRORS}
         if isinstance(self.settings.contours, DrawContours):
             reads["interval"] = INTERVAL
         facts = TerrainFacts(self.grid.cell, self.rules.block)
@@ -228,8 +248,8 @@ class TerrainJobs:
         )
 
 
-def _hidden_table(tile: Tile) -> Table[HiddenGround]:
-    return Table(f"terrain/hidden/{tile.row}-{tile.col}.json", HiddenGround)
+def _samples_table(tile: Tile) -> Table[GroundSamples]:
+    return Table(f"terrain/hidden/{tile.row}-{tile.col}.parquet", GroundSamples)
 
 
 def _sums_table(tile: Tile) -> Table[TerrainSums]:

@@ -17,7 +17,7 @@ from orthomill.schemas.bare_ground import (
 )
 from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval
-from orthomill.tasks.terrain.ground.learned_errors import LEAST_CELLS, ErrorCurve
+from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, FillErrors
 from orthomill.tasks.terrain.terrain_sums import TerrainSums
 
 _NAMES = {
@@ -74,7 +74,7 @@ class _TerrainTotals:
 
 
 def terrain_report(
-    sums: tuple[TerrainSums, ...], curve: ErrorCurve, facts: TerrainFacts, interval: ContourInterval | None = None
+    sums: tuple[TerrainSums, ...], errors: FillErrors, facts: TerrainFacts, interval: ContourInterval | None = None
 ) -> StageReport:
     """The report of the stage from the sums of all tiles and what hiding ground told."""
     totals = _TerrainTotals(
@@ -83,14 +83,14 @@ def terrain_report(
         tuple(map(sum, zip(*(tile.classes for tile in sums), strict=True))),
         max(tile.tallest for tile in sums),
     )
-    warnings = tuple(_warnings(totals, curve))
+    warnings = tuple(_warnings(totals, errors))
     return StageReport(
         verdict=_verdict(totals),
         answers=_answers(totals),
         products=(*_PRODUCTS, *(_CONTOUR_PRODUCTS if interval else ())),
-        figures=(*_figures(totals, curve, facts), *_contour_figures(interval)),
+        figures=(*_figures(totals, errors, facts), *_contour_figures(interval)),
         grids=(_code_grid(totals), _class_grid(totals)),
-        charts=(_curve_chart(curve, facts),),
+        charts=(_error_chart(errors, facts),),
         pictures=_pictures(),
         warnings=warnings,
         losses=warnings,
@@ -127,7 +127,7 @@ def _metres(value: float) -> str:
     return f"{value:.2f} m" if value >= 0.1 else f"{100 * value:.1f} cm"
 
 
-def _figures(totals: _TerrainTotals, curve: ErrorCurve, facts: TerrainFacts) -> Iterator[Figure]:
+def _figures(totals: _TerrainTotals, errors: FillErrors, facts: TerrainFacts) -> Iterator[Figure]:
     yield Figure(name="cell", value=facts.cell, unit="m", sentence="Cell of the terrain.")
     yield Figure(name="block", value=facts.block, unit="m", sentence="Side of the blocks in which ground is told from objects.")
     meanings = {code: meaning for code, _, meaning in TERRAIN_CODES}
@@ -146,10 +146,11 @@ def _figures(totals: _TerrainTotals, curve: ErrorCurve, facts: TerrainFacts) -> 
             name=f"{name}_sigma", value=rounded, unit="m", sentence=f"Root mean square of the standard errors: {meanings[code]}."
         )
     yield Figure(name="highest_object", value=totals.tallest, unit="m", sentence="Greatest height above the ground.")
-    hidden = sum(curve.cells[0]) + sum(curve.cells[1])
-    yield Figure(
-        name="hidden_blocks", value=hidden, sentence="Measured ground that was hidden and bridged again, to learn its errors."
-    )
+    hidden = sum(errors.enclosed.samples) + sum(errors.one_sided.samples)
+    sentence = "Samples of measured ground that were hidden and bridged again, to learn its errors."
+    yield Figure(name="hidden_blocks", value=hidden, sentence=sentence)
+    why = "By how much ground is measured too high at the foot of walls and crowns, which is taken off."
+    yield Figure(name="lifted_at_objects", value=round(errors.lifted[0], 4), unit="m", sentence=why)
 
 
 def _contour_figures(interval: ContourInterval | None) -> Iterator[Figure]:
@@ -158,8 +159,8 @@ def _contour_figures(interval: ContourInterval | None) -> Iterator[Figure]:
         yield Figure(name="contour_interval", value=interval.interval, unit="m", sentence=why)
 
 
-def _warnings(totals: _TerrainTotals, curve: ErrorCurve) -> Iterator[str]:
-    if totals.terrain and max(curve.cells[0]) < LEAST_CELLS:
+def _warnings(totals: _TerrainTotals, errors: FillErrors) -> Iterator[str]:
+    if totals.terrain and max(errors.enclosed.samples) < LEAST_SAMPLES:
         yield (
             "Too little open ground was measured to learn how wrong bridged ground is: its standard errors are those of hilly "
             "land. "
@@ -192,19 +193,21 @@ def _class_grid(totals: _TerrainTotals) -> Grid:
     )
 
 
-def _curve_chart(curve: ErrorCurve, facts: TerrainFacts) -> Chart:
-    known = [k for k, count in enumerate(curve.cells[0]) if count >= LEAST_CELLS] or list(range(len(curve.distance)))
+def _error_chart(errors: FillErrors, facts: TerrainFacts) -> Chart:
+    samples = errors.enclosed.samples
+    known = [k for k, count in enumerate(samples) if count >= LEAST_SAMPLES] or list(range(len(samples)))
     return Chart(
         title="How wrong bridged ground is",
         style="lines",
         x_label="distance to measured ground, m",
         y_label="standard error, m",
-        x=tuple(round(curve.distance[k] * facts.block, 3) for k in known),
+        x=tuple(round(errors.distance[k] * facts.block, 3) for k in known),
         series={
-            "ground on all sides": tuple(round(curve.enclosed[k], 4) for k in known),
-            "ground on one side": tuple(round(curve.one_sided[k], 4) for k in known),
+            "ground on all sides": tuple(round(errors.enclosed.error[k], 4) for k in known),
+            "ground on one side": tuple(round(errors.one_sided.error[k], 4) for k in known),
         },
-        caption="Learned by hiding measured ground of this block and bridging it again.",
+        caption="Learned by hiding measured ground of this block and bridging it again. Where the ground beyond a gap bends, on "
+        "hilltops and in valleys, the error is larger: by a share of that bend, learned as well.",
     )
 
 
