@@ -11,7 +11,7 @@ from orthomill.schemas.surface import MEASURED, SurfacePoints
 from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.bridges import BareBlocks, bridge
 from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
-from orthomill.tasks.terrain.ground.hidden_ground import Told, told_by_ground
+from orthomill.tasks.terrain.ground.hidden_ground import ToldGround, told_by_ground
 from orthomill.tasks.terrain.ground.islands import standing_islands
 from orthomill.tasks.terrain.ground.learned_errors import FillErrors
 from orthomill.tasks.terrain.ground.mean_value_fill import LONGEST_SLOPE
@@ -143,7 +143,7 @@ def ground_of_tile(blocks: np.ndarray, kept: np.ndarray, window: Window, core: W
 
 def tell_of_tile(
     blocks: np.ndarray, ground: np.ndarray, window: Window, core: Window, rules: TerrainRules, moved: np.ndarray | None = None
-) -> Told:
+) -> ToldGround:
     """What the ground of the blocks `core` tells; blocks and rings cover `window`, `moved` the same one some blocks away, whose
     part outside the raster is missing: there nothing is hidden."""
     pattern, free = np.full(ground.shape, True), rules.margin + 1

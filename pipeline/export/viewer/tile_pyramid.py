@@ -15,8 +15,10 @@ from orthomill.schemas.raster import Window
 
 SIZE = 512
 """px along a tile"""
-QUALITY = 82
-"""of WebP for pictures; codes and ramps are kept exactly"""
+QUALITY = 88
+"""of pictures and ramps; codes are kept exactly"""
+LOSSLESS = 101
+"""in OpenCV's numbers for WebP"""
 
 
 @dataclass
@@ -26,8 +28,8 @@ class TilePyramid:
     source: PaintedRaster
     store: ReadableStore
     folder: Path
-    tiles: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
-    """rows and columns of the tiles that were written, by level"""
+    tiles: dict[int, list[str]] = field(default_factory=dict)
+    """names of the files that were written, "row-col" with what kind of image it is, by level"""
     size: int = SIZE
 
     @property
@@ -80,10 +82,16 @@ class TilePyramid:
     def _save(self, level: int, row: int, col: int, pixels: np.ndarray) -> None:
         import cv2
 
-        # 101: lossless, in OpenCV's numbers.
-        quality = QUALITY if self.source.picture.style in ("rgb", "hillshade") else 101
-        data = cv2.imencode(".webp", np.ascontiguousarray(pixels[..., [2, 1, 0, 3]]), [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
-        path = self.folder / str(level) / f"{row}-{col}.webp"
+        colours = np.ascontiguousarray(pixels[..., [2, 1, 0, 3]])
+        if self.source.picture.style == "classes":
+            kind, settings = ".webp", [cv2.IMWRITE_WEBP_QUALITY, LOSSLESS]
+        elif pixels[..., 3].all():
+            # A tenth of the time of WebP; it knows no transparent pixels.
+            kind, settings = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+            colours = np.ascontiguousarray(colours[..., :3])
+        else:
+            kind, settings = ".webp", [cv2.IMWRITE_WEBP_QUALITY, QUALITY]
+        path = self.folder / str(level) / f"{row}-{col}{kind}"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data.tobytes())
-        self.tiles.setdefault(level, []).append((row, col))
+        path.write_bytes(cv2.imencode(kind, colours, settings)[1].tobytes())
+        self.tiles.setdefault(level, []).append(path.name)

@@ -44,7 +44,7 @@ def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: MapLine
                 "style": picture.style,
                 "folder": f"{FOLDER}/{number}",
                 "size": pyramid.size,
-                "levels": {level: sorted(f"{r}-{c}" for r, c in tiles) for level, tiles in pyramid.tiles.items()},
+                "levels": {level: sorted(names) for level, names in pyramid.tiles.items()},
                 "legend": asdict(source.legend),
                 **_place(source.spec),
             }

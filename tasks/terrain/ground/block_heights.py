@@ -17,14 +17,16 @@ def block_heights(
     heights: np.ndarray, sigma: np.ndarray, datum: np.ndarray, measured: np.ndarray, factor: int, rise: float
 ) -> np.ndarray:
     """(rows, cols, 3) float32 m of blocks of `factor` x `factor` cells: height, its standard error among neighbours, that of the
-    datum; NaN where too little was measured.
+    datum; without a height where too little was measured, and there with an endless standard error, or none where there is no
+    surface at all.
 
     heights, sigma, datum (rows, cols) m, whose last blocks may be smaller; measured (rows, cols) bool; `rise` m: how much ground
     may be higher than the lowest in the same block.
     """
     known = measured & np.isfinite(heights)
     if factor == 1:
-        return np.where(known[..., None], np.stack([heights, sigma, datum], axis=-1), np.nan).astype(np.float32)
+        found = np.where(known[..., None], np.stack([heights, sigma, datum], axis=-1), np.nan).astype(np.float32)
+        return _told_where_nothing_is(found, np.isfinite(heights))
     z, s, d = (_blocks(np.where(known, values, np.nan), factor) for values in (heights, sigma, datum))
     enough = np.isfinite(z).sum(axis=-1) * _LEAST >= factor * factor
     lowest = np.full(enough.shape, np.nan)
@@ -39,7 +41,14 @@ def block_heights(
         np.sqrt(np.where(low, s * s, 0).sum(-1) / count),
         np.where(low, d, 0).sum(-1) / count,
     )
-    return np.stack(means, axis=-1).astype(np.float32)
+    there = np.isfinite(_blocks(heights, factor)).any(axis=-1)
+    return _told_where_nothing_is(np.stack(means, axis=-1).astype(np.float32), there)
+
+
+def _told_where_nothing_is(blocks: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """The blocks (rows, cols, 3), their standard errors endless where the surface is `there` (rows, cols) and tells nothing."""
+    blocks[..., 1] = np.where(np.isnan(blocks[..., 0]) & there, np.inf, blocks[..., 1])
+    return blocks
 
 
 def _blocks(values: np.ndarray, factor: int) -> np.ndarray:

@@ -37,7 +37,8 @@ def bridge(
     corrected = corrected_ground(blocks, rings, expected, errors)
     wanted = np.zeros(ground.shape, bool)
     wanted[core] = ~ground[core]
-    fill = fill_gaps(corrected, ground, wanted, reach)
+    # Beyond the surface only holes in it are filled.
+    fill = fill_gaps(corrected, ground, wanted, reach, holes=np.isnan(blocks[..., 1]))
     added, error = errors.at(fill)
     sigma = np.where(ground, corrected[..., 1], np.hypot(fill.values[..., 1], error))
     bare = np.stack([fill.values[..., 0] + np.where(ground, 0, added), sigma, fill.values[..., 2], fill.values[..., 3]], axis=-1)

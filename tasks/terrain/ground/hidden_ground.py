@@ -14,7 +14,7 @@ EXPECTED_REACH = 32
 BANDS = 4
 
 
-class Told(NamedTuple):
+class ToldGround(NamedTuple):
     """samples: what measured ground tells; expected (rows, cols, 4) float32: of ground beside objects the height that follows from
     free ground around, the standard error of that ground (m), the distance (cells) and the bend (m) as in `GapFill`; NaN
     elsewhere."""
@@ -31,7 +31,7 @@ def told_by_ground(
     core: tuple[slice, slice],
     place: tuple[int, int],
     reach: int,
-) -> Told:
+) -> ToldGround:
     """What the cells `core` tell.
 
     blocks (rows, cols, 3) as of `block_heights`; rings (rows, cols) uint8: 0 for objects, then the distance of ground from them,
@@ -55,7 +55,7 @@ def told_by_ground(
     )
     names = GroundSamples.__dataclass_fields__
     samples = GroundSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-    return Told(samples, np.where(beside[..., None], expected, np.nan)[core].astype(np.float32))
+    return ToldGround(samples, np.where(beside[..., None], expected, np.nan)[core].astype(np.float32))
 
 
 def _samples(blocks: np.ndarray, fill: GapFill, where: np.ndarray, ring: np.ndarray, place: tuple[int, int]) -> GroundSamples:

@@ -51,16 +51,17 @@ def _open_side(found):
 
 
 @njit()
-def _fill(values, free, places, reach, across, down, filled, distance, open_side, bend):
+def _fill(values, free, places, holes, reach, across, down, filled, distance, open_side, bend):
     """Fills `filled` (N, bands) m, `distance` in cells, `open_side` in directions and `bend` m (N,) of the cells `places` (N, 2)
     from `values` (rows, cols, bands), known where `free` (rows, cols), the cells to the nearest known one along rows, columns and
-    diagonals, is 0; rays go along (across, down) (K,), in cells, up to `reach`."""
+    diagonals, is 0; rays go along (across, down) (K,), in cells, up to `reach`; `holes` (N,) bool are left as they are where a
+    quarter of the directions is open."""
     rows, cols, bands = values.shape
     count = across.shape[0]
     found, total, sides = np.zeros(count, np.bool_), np.zeros(bands), np.zeros(4)
     for n in range(places.shape[0]):
         r, c = places[n]
-        weights, followed, lowest = 0.0, 0.0, np.inf
+        weights, followed, lowest, missed = 0.0, 0.0, np.inf, 0
         total[:] = 0.0
         sides[:] = 0.0
         for k in range(count):
@@ -96,6 +97,10 @@ def _fill(values, free, places, reach, across, down, filled, distance, open_side
                         followed += weight * (values[y, x, 0] - values[v, u, 0]) * i / (j - i)
                         break
                 break
+            missed = 0 if found[k] else missed + 1
+            if holes[n] and missed >= QUARTER:
+                weights = 0.0
+                break
         if weights > 0.0:
             for b in range(bands):
                 filled[n, b] = total[b] / weights
@@ -109,9 +114,9 @@ def _fill(values, free, places, reach, across, down, filled, distance, open_side
                 bend[n] = max(bend[n], lowest - filled[n, 0])
 
 
-def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: int) -> GapFill:
+def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: int, holes: np.ndarray | None = None) -> GapFill:
     """The `known` (rows, cols) bool of the values (rows, cols, bands) continued into the `wanted` cells (rows, cols) bool, from at
-    most `reach` cells away; cells that are neither known nor wanted are NaN."""
+    most `reach` cells away, into `holes` (rows, cols) bool only from all sides; cells that are neither known nor wanted are NaN."""
     import cv2
 
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
@@ -122,6 +127,7 @@ def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: 
     at = np.nonzero(wanted & ~known)
     free = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_C, 3) if known.any() else np.full(known.shape, reach + 1.0)
     own = filled[at], distance[at], open_side[at], bend[at]
-    _fill(filled, np.asarray(free, np.float32), np.column_stack(at), float(reach), np.cos(angle), np.sin(angle), *own)
+    inside = np.zeros(len(at[0]), bool) if holes is None else holes[at]
+    _fill(filled, np.asarray(free, np.float32), np.column_stack(at), inside, float(reach), np.cos(angle), np.sin(angle), *own)
     filled[at], distance[at], open_side[at], bend[at] = own
     return GapFill(filled, distance, open_side, bend)

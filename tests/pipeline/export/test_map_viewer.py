@@ -101,12 +101,23 @@ def test_tiles_of_the_finest_level_are_the_raster_and_coarser_ones_its_means(tmp
     pyramid.write()
     assert pyramid.levels == 3 and len(pyramid.tiles[2]) == 1
     whole = np.zeros((ROWS, COLS, 4), np.uint8)
-    for row, col in pyramid.tiles[0]:
-        tile = np.asarray(Image.open(tmp_path / "0" / f"{row}-{col}.webp").convert("RGBA"))
+    for name in pyramid.tiles[0]:
+        row, col = map(int, name.removesuffix(".webp").split("-"))
+        tile = np.asarray(Image.open(tmp_path / "0" / name).convert("RGBA"))
         part = whole[row * 128 : (row + 1) * 128, col * 128 : (col + 1) * 128]
         part[:] = tile[: part.shape[0], : part.shape[1]]
     assert (whole[:, 30:201, :3] == (255, 0, 0)).all() and (whole[:, 201:, :3] == (0, 255, 0)).all()
     assert (whole[:, :30, 3] == 0).all() and (whole[:, 30:, 3] == 255).all()
+
+
+def test_tiles_without_a_transparent_pixel_are_small_and_quick_ones(tmp_path):
+    pyramid = TilePyramid(painted(store(), page().pictures[1]), store(), tmp_path, size=64)
+    pyramid.write()
+    kinds = {name: Path(name).suffix for name in pyramid.tiles[0]}
+    for name, kind in kinds.items():
+        tile = Image.open(tmp_path / "0" / name)
+        assert (kind == ".jpg") == (tile.mode == "RGB" or np.asarray(tile.convert("RGBA"))[..., 3].min() == 255)
+    assert set(kinds.values()) == {".jpg", ".webp"}
 
 
 def test_relief_has_no_seams_at_tiles():
@@ -133,7 +144,7 @@ def test_the_page_is_small_loads_nothing_from_elsewhere_and_bears_any_title(tmp_
     assert [layer["title"] for layer in data["layers"]][2] == "Codes </script>"
     for layer in data["layers"]:
         for level, names in layer["levels"].items():
-            assert all((products / layer["folder"] / level / f"{name}.webp").exists() for name in names)
+            assert all((products / layer["folder"] / level / name).exists() for name in names)
     assert data["values"]["tiles"] == ["0-0", "0-1", "1-0", "1-1"] and (products / data["lines"]).exists()
 
 
@@ -156,4 +167,4 @@ def test_a_browser_opens_it_from_the_disk_and_knows_the_height_of_a_place(tmp_pa
     z = heights()[99, 100]
     found = re.search(r"<title>height (\d+)</title>", dom)
     assert found and int(found.group(1)) == pytest.approx(z * 1000, abs=1)
-    assert 'viewer/0/1/0-0.webp"' in dom and dom.count('class="choice"') == 4
+    assert re.search(r'viewer/0/1/0-0\.(jpg|webp)"', dom) and dom.count('class="choice"') == 4

@@ -17,7 +17,7 @@
   class Tiles {
     constructor(layer, pane) {
       this.layer = layer; this.pane = pane; this.shown = new Map();
-      this.known = Object.fromEntries(Object.entries(layer.levels).map(([level, names]) => [level, new Set(names)]));
+      this.known = Object.fromEntries(Object.entries(layer.levels).map(([level, names]) => [level, new Map(names.map((n) => [n.slice(0, n.indexOf(".")), n]))]));
       this.coarsest = Math.max(...Object.keys(layer.levels).map(Number), 0);
       this.update = this.update.bind(this);
       map.on("moveend zoomend", this.update); this.update();
@@ -34,11 +34,11 @@
         const c0 = Math.max(0, Math.floor((view.getWest() - l.west) / side)), c1 = Math.floor((view.getEast() - l.west) / side);
         const rows = Math.ceil(l.rows * l.cell / side) - 1, cols = Math.ceil(l.cols * l.cell / side) - 1;
         for (let r = r0; r <= Math.min(r1, rows); r++) for (let c = c0; c <= Math.min(c1, cols); c++)
-          if (this.known[level] && this.known[level].has(r + "-" + c)) wanted.set(level + "/" + r + "-" + c, [level, r, c, side]);
+          if (this.known[level] && this.known[level].has(r + "-" + c)) wanted.set(level + "/" + this.known[level].get(r + "-" + c), [level, r, c, side]);
       }
       for (const [key, [level, r, c, side]] of wanted) if (!this.shown.has(key)) {
         const north = this.layer.north - r * side, west = this.layer.west + c * side;
-        const image = L.imageOverlay(this.layer.folder + "/" + key + ".webp", [[north - side, west], [north, west + side]],
+        const image = L.imageOverlay(this.layer.folder + "/" + key, [[north - side, west], [north, west + side]],
           { pane: this.pane, className: "tile", zIndex: this.coarsest - level + 1 });
         this.shown.set(key, image.addTo(map));
       }
