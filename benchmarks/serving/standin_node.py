@@ -1,5 +1,6 @@
 """A node with the engine that stands in, as a process of its own: python standin_node.py HOME PORT [parallel]."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -15,7 +16,10 @@ ENGINE = (sys.executable, standin_engine.__file__)
 def main(home: str, port: str, parallel: str = "1") -> None:
     """Serve until the process is killed."""
     rules = QueueRules(parallel=int(parallel), memory=1, reserve=0, engine=ENGINE)
-    settings = NodeSettings(Path(home).resolve(), port=int(port), rules=rules, limits=UploadLimits(reserve=0))
+    prefixes = tuple(filter(None, [os.environ.get("STANDIN_PREFIX", "")]))
+    tokens = Path(given) if (given := os.environ.get("STANDIN_TOKENS", "")) else None
+    limits = UploadLimits(reserve=0)
+    settings = NodeSettings(Path(home).resolve(), port=int(port), tokens=tokens, prefixes=prefixes, rules=rules, limits=limits)
     serve(settings, STAGES, lambda line: print(line, flush=True))
 
 

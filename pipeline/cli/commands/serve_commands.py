@@ -25,6 +25,9 @@ def serve(
     task_gigabytes: Annotated[float, typer.Option(help="Largest upload, GB.", min=0.001)] = 500.0,
     reserve_gigabytes: Annotated[float, typer.Option(help="Disk that is left free, GB.", min=0)] = 2.0,
     webhooks: Annotated[bool, typer.Option(help="Whether tasks may name an address that is told of their end.")] = True,
+    s3: Annotated[
+        list[str] | None, typer.Option(help="Prefix of an object store that tasks may read and write below (s3://bucket/prefix).")
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Serve as an engine of WebODM and other clients of NodeODM: uploads, a queue that survives, results, and a page of its own."""
@@ -44,6 +47,7 @@ def serve(
             certificate=certificate,
             key=key,
             webhooks=webhooks,
+            prefixes=tuple(s3 or ()),
             rules=QueueRules(parallel=tasks, memory=memory, keep_days=keep_days, reserve=reserve, most_bytes=most),
             limits=UploadLimits(int(file_gigabytes * 1e9), most, reserve=reserve),
         )

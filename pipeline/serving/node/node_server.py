@@ -7,6 +7,7 @@ from pathlib import Path
 
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.node.access import Access, tokens_given
+from orthomill.pipeline.serving.queue.object_places import allowed_address
 from orthomill.pipeline.serving.queue.task_queue import QueueRules, TaskQueue
 from orthomill.pipeline.serving.queue.upload_store import UploadLimits, UploadStore
 from orthomill.schemas.errors import ResourceError
@@ -95,6 +96,7 @@ def node_service(settings: NodeSettings, access: Access, catalogue: tuple[type[S
 
     queue = TaskQueue(settings.home, settings.rules)
     service = NodeService(queue, UploadStore(settings.home, settings.limits), access, TaskOptions(catalogue), settings.webhooks)
+    service.object_store = lambda address: allowed_address(address, settings.prefixes)
     queue.notify = Webhooks(service.told, queue.told).notify
     return service
 

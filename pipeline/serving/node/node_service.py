@@ -12,6 +12,7 @@ from orthomill.pipeline.serving.node.access import Access, Token
 from orthomill.pipeline.serving.node.request_fields import created_of, options_of, outputs_of, text_of
 from orthomill.pipeline.serving.node.streamed_uploads import Receiver
 from orthomill.pipeline.serving.node.task_options import TaskOptions
+from orthomill.pipeline.serving.queue.object_places import allowed_address
 from orthomill.pipeline.serving.queue.task_folder import UUID, TaskFolder
 from orthomill.pipeline.serving.queue.task_queue import TaskQueue
 from orthomill.pipeline.serving.queue.task_state import GivenOption, TaskState, TaskStatus, now
@@ -34,7 +35,7 @@ class NodeService:
     access: Access
     options: TaskOptions
     webhooks: bool = True
-    object_store: Callable[[str], str] = lambda address: _no_object_store(address)
+    object_store: Callable[[str], str] = lambda address: allowed_address(address, ())
     """checks an address of photographs or results, and gives it back"""
     _committing: set[str] = field(default_factory=set)
     _lock: Lock = field(default_factory=Lock)
@@ -193,7 +194,3 @@ class NodeService:
         # What happens once is no option of the task.
         kept: tuple[GivenOption, ...] = tuple(option for option in given if option.name != "rerun-from")
         self.queue.restart(state.uuid, kept, wishes)
-
-
-def _no_object_store(address: str) -> str:
-    raise WorkflowError("This node reads from and writes to no object store; it is started with --s3 s3://bucket/prefix for that.")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
+from orthomill.pipeline.serving.queue.object_places import send_results
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskState
 from orthomill.pipeline.serving.queue.wishes import Wishes
@@ -51,6 +52,9 @@ def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command
     log = {"engine": "orthomill", "name": state.name, "options": given, "verdict": verdict}
     texts = {"task_output.txt": "\n".join(folder.lines()) + "\n", "log.json": json.dumps(log, indent=1)}
     places = write_archive(folder.results, chosen, texts)
+    if state.write_to:
+        count = send_results(state.write_to, chosen)
+        lines.append(f"{count} files were written to {state.write_to}.")
     own = {Path(place).name: place for place in places if place.startswith(f"{OWN}/")}
     lines += [f"{own[name]}: {what}." for name, what in _EXACT.items() if name in own]
     lines.append(f"all.zip holds {len(places)} files, {folder.results.stat().st_size / 1e6:.1f} MB.")

@@ -12,7 +12,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from orthomill.pipeline.serving.queue.upload_names import checked_name, is_image, is_list
+from orthomill.pipeline.serving.queue.upload_names import NamesTaken, is_image, is_list
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
@@ -77,7 +77,7 @@ def _judge_directory(archive: Path, limits: ArchiveLimits) -> None:
 def _chosen(archive: str, opened: zipfile.ZipFile, limits: ArchiveLimits) -> tuple[dict[str, zipfile.ZipInfo], int]:
     """Entries by the names that they get, and how many are not taken."""
     chosen: dict[str, zipfile.ZipInfo] = {}
-    left_out, seen = 0, set()
+    left_out, names = 0, NamesTaken(archive)
     entries = [entry for entry in opened.infolist() if not entry.is_dir()]
     if len(entries) > limits.files:
         raise WorkflowError(f"{archive} holds {len(entries)} files; a task has at most {limits.files}.")
@@ -96,13 +96,7 @@ def _chosen(archive: str, opened: zipfile.ZipFile, limits: ArchiveLimits) -> tup
             continue
         if entry.flag_bits & 1 or entry.compress_type not in _METHODS:
             raise WorkflowError(f"{archive} holds {shown} with a password or in an unusual packing; pack it as a plain zip.")
-        name = checked_name(parts[-1])
-        if name.lower() in seen and len(parts) > 1:
-            name = checked_name(f"{parts[-2]}_{name}")
-        if name.lower() in seen:
-            raise WorkflowError(f"{archive} holds {name!a} twice; give the photographs names of their own.")
-        seen.add(name.lower())
-        chosen[name] = entry
+        chosen[names.take(parts)] = entry
     return chosen, left_out
 
 

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.serving.outputs.delivery_archive import write_delivery
+from orthomill.pipeline.serving.queue.object_places import fetch_photographs
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits, unpacked
 from orthomill.pipeline.serving.queue.task_folder import PROJECT, TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskEnd, TaskState
@@ -73,7 +74,12 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     wishes = read_wishes(folder)
     _end_orphan(folder)
     folder.say(*([f"Continued after an interruption (attempt {state.attempts})."] if state.attempts > 1 else wishes.notes))
-    _unpack(folder, order)
+    limits = ArchiveLimits(order.most_files, order.most_file_bytes, order.most_bytes, reserve=order.reserve)
+    if state.read_from:
+        count, left_out = fetch_photographs(state.read_from, folder.images, limits)
+        folder.say(f"{state.read_from}: {count} photographs, {left_out} other objects left out.")
+        folder.tell_progress(folder.progress().model_copy(update={"images": count}))
+    _unpack(folder, limits)
     start, workflow = (folder.path / "workflows" / f"{name}.yaml" for name in ("start", PROJECT))
     if not start.exists():
         workflow.unlink(missing_ok=True)
@@ -90,9 +96,8 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     return TaskEnd(verdict=told.verdict)
 
 
-def _unpack(folder: TaskFolder, order: TaskOrder) -> None:
+def _unpack(folder: TaskFolder, limits: ArchiveLimits) -> None:
     """Archives of the upload become photographs; each goes when it is unpacked."""
-    limits = ArchiveLimits(order.most_files, order.most_file_bytes, order.most_bytes, reserve=order.reserve)
     for archive in sorted(path for path in folder.images.iterdir() if is_archive(path.name)):
         count, told = unpacked(archive, folder.images, limits)
         folder.say(f"{archive.name}: {count} photographs.", *told)

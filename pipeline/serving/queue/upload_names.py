@@ -3,6 +3,7 @@
 A name is a name and no path; it is written as it was sent, for control files and positions name photographs by it.
 """
 
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, HEIF_SUFFIXES, RAW_SUFFIXES
@@ -43,6 +44,25 @@ def is_list(name: str) -> bool:
 def is_archive(name: str) -> bool:
     """Whether a file holds photographs packed together."""
     return name.lower().endswith(".zip") and name.lower() != "seed.zip"
+
+
+@dataclass
+class NamesTaken:
+    """Names for files that come with paths, from an archive or a store: cameras number their files in each folder anew, so the
+    folder becomes a part of the name where two would be the same."""
+
+    source: str
+    _taken: set[str] = field(default_factory=set)
+
+    def take(self, parts: list[str]) -> str:
+        """The name of a file by its path. Raises WorkflowError for one that would be there twice."""
+        name = checked_name(parts[-1])
+        if name.lower() in self._taken and len(parts) > 1:
+            name = checked_name(f"{parts[-2]}_{name}")
+        if name.lower() in self._taken:
+            raise WorkflowError(f"{self.source} holds {name!a} twice; give the photographs names of their own.")
+        self._taken.add(name.lower())
+        return name
 
 
 def unused_sentence(name: str) -> str:

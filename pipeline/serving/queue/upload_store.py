@@ -110,7 +110,9 @@ class UploadStore:
         most = self.limits.task_bytes if quota is None else min(self.limits.task_bytes, quota)
         try:
             with replacing(upload.images / name) as stream:
-                yield Receipt(stream, name, sizes, most, self)
+                receipt = Receipt(stream, name, sizes, most, self)
+                yield receipt
+                receipt.check()
                 stream.flush()
         except BaseException as error:
             with self._lock:
@@ -182,7 +184,11 @@ class Receipt:
         # Adding up and asking for the disk takes longer than a block: now and then is enough.
         if self.size >= self._checked:
             self._checked = self.size + 16 * MIB
-            self.store.enough_disk(len(block))
-            if sum(list(self.sizes.values())) > self.most:
-                raise WorkflowError(f"With {self.name} the upload exceeds the {self.most / MIB:.0f} MiB that are left for it.")
+            self.check()
         self.stream.write(block)
+
+    def check(self) -> None:
+        """Raises WorkflowError where the upload is too large by now, ResourceError where the disk is nearly full."""
+        self.store.enough_disk(0)
+        if sum(list(self.sizes.values())) > self.most:
+            raise WorkflowError(f"With {self.name} the upload exceeds the {self.most / 1e6:.1f} MB that are left for it.")

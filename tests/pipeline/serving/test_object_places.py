@@ -1,0 +1,108 @@
+"""Photographs from an object store and results into one, below the prefixes of the node; a folder stands in for the store."""
+
+import pytest
+import requests
+
+from benchmarks.serving.running_node import TOKEN, node, photographs
+from orthomill.pipeline.serving.outputs.asset_files import Asset
+from orthomill.pipeline.serving.queue.object_places import allowed_address, fetch_photographs, send_results
+from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits
+from orthomill.schemas.errors import ResourceError, WorkflowError
+
+PREFIXES = ("s3://bucket/site", "gs://other/")
+LIMITS = ArchiveLimits(files=5, file_bytes=2000, bytes=3000, reserve=0)
+
+
+@pytest.mark.parametrize("address", ["s3://bucket/site", "s3://bucket/site/a/b/", "gs://other/x", "s3://bucket/site/a.zip"])
+def test_places_below_a_prefix(address):
+    assert allowed_address(address, PREFIXES) == address.rstrip("/")
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "s3://bucket",
+        "s3://bucket/site2",
+        "s3://bucket/site/../x",
+        "s3://bucket/site/a?b",
+        "s3://bucket/site/%2e%2e",
+        "file:///etc",
+        "",
+    ],
+)
+def test_other_places_are_refused(address):
+    with pytest.raises(WorkflowError, match="is no place for this node"):
+        allowed_address(address, PREFIXES)
+    with pytest.raises(WorkflowError, match="no object store"):
+        allowed_address(address, ())
+
+
+@pytest.fixture
+def bucket(tmp_path):
+    folder = tmp_path / "bucket"
+    for name, size in (("100MEDIA/a.jpg", 10), ("101MEDIA/a.jpg", 20), ("gcp_list.txt", 5), ("notes.pdf", 9)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(b"x" * size)
+    return folder
+
+
+def test_photographs_and_lists_are_fetched_once(bucket, tmp_path):
+    target = tmp_path / "images"
+    target.mkdir()
+    assert fetch_photographs(bucket.as_uri(), target, LIMITS) == (2, 1)
+    assert {path.name: path.stat().st_size for path in target.iterdir()} == {"a.jpg": 10, "101MEDIA_a.jpg": 20, "gcp_list.txt": 5}
+    times = {path: path.stat().st_mtime_ns for path in target.iterdir()}
+    fetch_photographs(bucket.as_uri(), target, LIMITS)
+    assert {path: path.stat().st_mtime_ns for path in target.iterdir()} == times
+
+
+def test_what_is_too_much_is_a_sentence(bucket, tmp_path):
+    (bucket / "big.tif").write_bytes(b"x" * 2001)
+    with pytest.raises(WorkflowError, match=r"big\.tif has"):
+        fetch_photographs(bucket.as_uri(), tmp_path, LIMITS)
+    for number in range(4):
+        (bucket / f"{number}.jpg").touch()
+    with pytest.raises(WorkflowError, match="holds 9 objects"):
+        fetch_photographs(bucket.as_uri(), tmp_path, LIMITS)
+    with pytest.raises(ResourceError, match="cannot be read or written"):
+        fetch_photographs((bucket / "absent").as_uri() + "/x.zip", tmp_path, LIMITS)
+
+
+def test_results_are_sent_to_their_places(bucket, tmp_path):
+    (tmp_path / "dsm.tif").write_bytes(b"heights")
+    assert send_results(f"{bucket.as_uri()}/out", [Asset(tmp_path / "dsm.tif", "odm_dem/dsm.tif")]) == 1
+    assert (bucket / "out/odm_dem/dsm.tif").read_bytes() == b"heights"
+
+
+def test_a_task_reads_from_a_store_and_writes_to_it_and_users_have_quotas(tmp_path):
+    photographs(tmp_path / "bucket" / "flight")
+    (tmp_path / "tokens.yaml").write_text(
+        f"tokens:\n- {{name: ana, token: {TOKEN}, tasks: 1, gigabytes: 0.001, photographs: 2}}\n"
+        f"- {{name: ben, token: {TOKEN}-of-ben}}\n"
+    )
+    place = (tmp_path / "bucket").as_uri()
+    with node(
+        tmp_path / "home", STANDIN_PREFIX=place, STANDIN_TOKENS=str(tmp_path / "tokens.yaml"), STANDIN_PAUSE="0.3"
+    ) as running:
+        fields = {"readS3Path": f"{place}/flight/", "writeS3Path": f"{place}/results", "name": "from a store"}
+
+        def asked(**given) -> dict:
+            address = f"http://127.0.0.1:{running.port}/task/new"
+            return requests.post(address, params={"token": TOKEN}, data=fields | given, timeout=60).json()
+
+        assert "no place for this node" in asked(readS3Path="s3://elsewhere/x")["error"]
+        task = running.client().get_task(asked()["uuid"])
+        assert "have not ended, and you may have 1" in asked()["error"]
+        other = running.client(f"{TOKEN}-of-ben")
+        assert other.info().task_queue_count == 1
+        task.wait_for_completion(interval=0.1)
+        assert task.info().images_count == 2
+        assert (tmp_path / "bucket/results/odm_georeferencing/odm_georeferenced_model.laz").exists()
+        # What belongs to one is not there for another.
+        told = requests.get(f"http://127.0.0.1:{running.port}/task/list", params={"token": f"{TOKEN}-of-ben"}, timeout=60).json()
+        assert told == []
+        begun = requests.post(f"http://127.0.0.1:{running.port}/task/new/init", params={"token": TOKEN}, timeout=60).json()["uuid"]
+        sent = {"images": ("big.tif", b"x" * 1_200_000)}
+        address = f"http://127.0.0.1:{running.port}/task/new/upload/{begun}"
+        refused = requests.post(address, params={"token": TOKEN}, files=sent, timeout=60).json()
+        assert "exceeds the" in refused["error"] and refused["noRetry"]
