@@ -230,7 +230,8 @@ def _write_metadata(kind: str, path: Path, folder: Path, beside: Path) -> None:
 
 
 def _write_layers(kind: str, path: Path, store: Store) -> None:
-    from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage, write_kml
+    from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage
+    from orthomill.pipeline.export.conversions.kml_file import write_kml
     from orthomill.schemas.maps.map_page import MAP_PAGE
     from orthomill.schemas.observations import CONTROL
     from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS

@@ -1,13 +1,11 @@
-"""Where the photographs were taken and what they show: GeoPackage and KML."""
+"""Where the photographs were taken, what they show, and the surveyed points: GeoPackage."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from xml.sax.saxutils import escape
 
 import numpy as np
 
-from orthomill.pipeline.export.vectors.geojson import to_degrees
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer
 from orthomill.schemas.maps.map_page import MapCamera
@@ -70,6 +68,9 @@ def _footprints(known: MappedBlock) -> Iterator[Feature]:
 def _surveyed(known: MappedBlock) -> Iterator[Feature]:
     by_name = {(one.role, one.name): one for one in known.residuals}
     for point in known.control:
+        # A tie point has no coordinates of its own.
+        if point.role == "tie":
+            continue
         found = by_name.get((point.role, point.name))
         differences = found.difference if found else (None,) * 3
         promised = found.predicted if found else (None,) * 3
@@ -96,24 +97,3 @@ def _residual_lines(known: MappedBlock) -> Iterator[Feature]:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(float(value), 4)
-
-
-def write_kml(path: Path, known: MappedBlock) -> None:
-    """Projection centres and footprints, for programs with a globe."""
-    change = to_degrees(known.block.crs)
-    parts = []
-    for camera in known.cameras:
-        x, y, z = camera.centre
-        lon, lat = change.transform(x, y) if change else (x, y)
-        ring = [change.transform(*place) if change else place for place in (*camera.outline, *camera.outline[:1])]
-        outline = " ".join(f"{a:.8f},{b:.8f},0" for a, b in ring)
-        polygon = (
-            f"<Polygon><outerBoundaryIs><LinearRing><coordinates>{outline}</coordinates></LinearRing></outerBoundaryIs></Polygon>"
-        )
-        point = f"<Point><altitudeMode>absolute</altitudeMode><coordinates>{lon:.8f},{lat:.8f},{z:.3f}</coordinates></Point>"
-        when = f"<TimeStamp><when>{escape(camera.taken)}</when></TimeStamp>" if camera.taken else ""
-        shapes = f"<MultiGeometry>{point}{polygon if ring else ''}</MultiGeometry>"
-        parts.append(f"<Placemark><name>{escape(camera.name)}</name>{when}<styleUrl>#p</styleUrl>{shapes}</Placemark>")
-    style = '<Style id="p"><LineStyle><color>ff8b6f1f</color></LineStyle><PolyStyle><fill>0</fill></PolyStyle></Style>'
-    head = '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
-    path.write_text(head + style + "\n".join(parts) + "</Document></kml>\n", encoding="utf-8")

@@ -156,12 +156,16 @@ class _PmTiles(_Folder):
 
     def __init__(self, path: Path, about: dict) -> None:
         self.path, self.about = path, about
-        self.parts: list[tuple[int, bytes]] = []
+        # Kept on the disk until all are there: those of a large orthoimage are gigabytes.
+        self.kept = path.with_name(f"{path.name}.kept").open("w+b")
+        self.parts: list[tuple[int, int, int]] = []
+        """number, place and size of each tile"""
 
     def add(self, zoom: int, x: int, y: int, data: bytes) -> None:
         from pmtiles.tile import zxy_to_tileid
 
-        self.parts.append((zxy_to_tileid(zoom, x, y), data))
+        self.parts.append((zxy_to_tileid(zoom, x, y), self.kept.tell(), len(data)))
+        self.kept.write(data)
 
     def close(self) -> None:
         from pmtiles.tile import Compression, TileType
@@ -170,8 +174,9 @@ class _PmTiles(_Folder):
         west, south, east, north = (round(value * 1e7) for value in self.about["bounds"])
         with self.path.open("wb") as target:
             writer = Writer(target)
-            for number, data in sorted(self.parts):
-                writer.write_tile(number, data)
+            for number, at, size in sorted(self.parts):
+                self.kept.seek(at)
+                writer.write_tile(number, self.kept.read(size))
             header = {
                 "tile_type": TileType.WEBP,
                 "tile_compression": Compression.NONE,
@@ -186,6 +191,8 @@ class _PmTiles(_Folder):
                 "center_lat_e7": (south + north) // 2,
             }
             writer.finalize(header, {"name": self.about["name"]})
+        self.kept.close()
+        Path(self.kept.name).unlink()
 
 
 _SINKS = {"xyz": _Folder, "mbtiles": _MbTiles, "pmtiles": _PmTiles}

@@ -13,7 +13,8 @@ from PIL import Image
 from rasterio.transform import from_origin
 
 from orthomill.pipeline.cli.export_kinds import Asked, export_as
-from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage, write_kml
+from orthomill.pipeline.export.conversions.camera_files import MappedBlock, write_camera_geopackage
+from orthomill.pipeline.export.conversions.kml_file import write_kml
 from orthomill.pipeline.export.conversions.relief_files import gradient, hillshade, slope
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.schemas.errors import StoreError, WorkflowError
@@ -113,7 +114,9 @@ def test_tiles_of_the_web_show_the_place_on_the_globe(folder):
 
 def test_pmtiles_are_read_by_their_own_reader(folder):
     reader = pytest.importorskip("pmtiles.reader")
-    with made(folder, "pmtiles").open("rb") as source:
+    path = made(folder, "pmtiles")
+    assert list(path.parent.iterdir()) == [path]
+    with path.open("rb") as source:
         found = reader.Reader(reader.MmapSource(source))
         header = found.header()
         assert header["addressed_tiles_count"] > 1 and header["min_lon_e7"] < header["max_lon_e7"]
@@ -145,9 +148,10 @@ def test_photographs_are_points_and_areas(tmp_path):
 def test_surveyed_points_show_what_the_block_differs_from_them(tmp_path):
     pyogrio = pytest.importorskip("pyogrio")
     point = ControlPoint(name="7", role="check", xyz=(407010.0, 4357020.0, 60.0), sigma=(0.01, 0.01, 0.02), measurements={})
+    tie = point.model_copy(update={"name": "9", "role": "tie"})
     unseen = point.model_copy(update={"name": "8", "role": "control"})
     residual = GroundResidual(name="7", role="check", difference=(0.02, -0.01, 0.05), predicted=(0.02, 0.02, 0.03), photos=3)
-    write_camera_geopackage(tmp_path / "c.gpkg", MappedBlock(block(), (), (point, unseen), (residual,)))
+    write_camera_geopackage(tmp_path / "c.gpkg", MappedBlock(block(), (), (point, unseen, tie), (residual,)))
     assert dict(pyogrio.list_layers(tmp_path / "c.gpkg")) == {
         "cameras": "Point Z",
         "footprints": "Polygon Z",
@@ -159,6 +163,16 @@ def test_surveyed_points_show_what_the_block_differs_from_them(tmp_path):
     assert rows["point"].tolist() == ["7", "8"] and rows["dz"][0] == 0.05 and np.isnan(rows["dz"][1])
     _, _, shapes, _ = pyogrio.raw.read(tmp_path / "c.gpkg", layer="residuals")
     assert np.frombuffer(shapes[0][9:], "<f8").reshape(2, 3)[1] == pytest.approx([407030.0, 4357010.0, 60.0])
+    write_kml(tmp_path / "c.kml", MappedBlock(SimpleNamespace(crs="EPSG:2100"), (), (point, unseen, tie), (residual,)))
+    text = (tmp_path / "c.kml").read_text()
+    assert text.count("<Placemark>") == 2 and "X +0.020 m, Y -0.010 m, Z +0.050 m" in text
+    assert pyogrio.read_info(tmp_path / "c.kml", layer="surveyed points")["features"] == 2
+
+
+def test_a_globe_shows_no_block_that_lies_nowhere(tmp_path):
+    nowhere = 'ENGCRS["site",EDATUM["site"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
+    with pytest.raises(WorkflowError, match="this block has none"):
+        write_kml(tmp_path / "c.kml", MappedBlock(SimpleNamespace(crs=nowhere), ()))
 
 
 @pytest.mark.parametrize(
