@@ -340,6 +340,16 @@ _ALL = (
         (),
     ),
     Study(
+        "gallery",
+        "checking.wrong_surfaces",
+        "faults planted into a surface, and what the check says of each: the pictures of docs/gallery.md",
+        "minutes",
+        CHECK,
+        "a finished run of volos_small",
+        "[RUN]",
+        (),
+    ),
+    Study(
         "norvelle_rounds",
         "checking.norvelle_rounds",
         "the deterministic correction beside Norvelle's refinement",
