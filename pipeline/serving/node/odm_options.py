@@ -101,10 +101,10 @@ def _cell(name: str, target: str) -> Callable[[Any, Taken], None]:
     return take
 
 
-def _picture(name: str, kind: str) -> Callable[[Any, Taken], None]:
+def _format(name: str, kind: str) -> Callable[[Any, Taken], None]:
     def take(value: Any, taken: Taken) -> None:
         if truth(name, value):
-            taken.more["pictures"] = (*taken.more.get("pictures", ()), kind)
+            taken.more["formats"] = (*taken.more.get("formats", ()), kind)
 
     return take
 
@@ -258,8 +258,10 @@ ODM_OPTIONS: dict[str, OdmOption] = {
         _option("max-concurrency", "int", "", "positive integer", "Worker processes at most.", _processes),
         _option("cog", "bool", "true", "bool", "Cloud-optimised GeoTIFFs. Maps are always such.", _cog),
         _option("pc-ept", "bool", "true", "bool", "The points as Entwine tiles too, for viewers of points.", _tiled),
-        _option("orthophoto-png", *_BOOL, "The orthoimage as PNG as well.", _picture("orthophoto-png", "png")),
-        _option("tiles", *_BOOL, "The orthoimage as tiles of the web (z/x/y) as well.", _picture("tiles", "xyz")),
+        _option("orthophoto-png", *_BOOL, "The orthoimage as PNG as well.", _format("orthophoto-png", "png")),
+        _option("gltf", *_BOOL, "The surface with the orthoimage on it as GLB.", _format("gltf", "glb")),
+        _option("3d-tiles", *_BOOL, "The surface with the orthoimage on it as 3D Tiles.", _format("3d-tiles", "3dtiles")),
+        _option("tiles", *_BOOL, "The orthoimage as tiles of the web (z/x/y) as well.", _format("tiles", "xyz")),
     )
 }
 

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 from urllib.parse import parse_qsl
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 from starlette.requests import Request
 
 from orthomill.pipeline.serving.node.streamed_uploads import MOST_FIELDS, MultipartReader, Receiver
@@ -63,8 +63,10 @@ def options_of(fields: dict[str, Any]) -> tuple[GivenOption, ...]:
     given = fields.get("options") or "[]"
     try:
         found = json.loads(given) if isinstance(given, str) else given
+        # Halves of letters, which JSON can hold, are no text that could be kept.
+        json.dumps(found, ensure_ascii=False).encode()
         options = _OPTIONS.validate_python(found)
-    except (ValueError, RecursionError, ValidationError):
+    except (ValueError, RecursionError):
         raise WorkflowError('options is no list of the form [{"name": "dtm", "value": true}, ...].') from None
     if len(options) > MOST_OPTIONS:
         raise WorkflowError(f"A task has at most {MOST_OPTIONS} options.")
@@ -80,7 +82,7 @@ def outputs_of(fields: dict[str, Any]) -> tuple[str, ...]:
         found = None
     if not isinstance(found, list) or len(found) > MOST_OPTIONS or not all(isinstance(one, str) for one in found):
         raise WorkflowError('outputs is no list of paths such as ["odm_orthophoto"].')
-    return tuple(one[:300] for one in found)
+    return tuple(one[:300].encode(errors="replace").decode() for one in found)
 
 
 def whole_number(text: str, name: str) -> int:

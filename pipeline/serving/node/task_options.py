@@ -70,5 +70,5 @@ def _check_system(crs: str) -> None:
     """What PROJ does not know is told before anything is uploaded."""
     try:
         CRS.from_user_input(crs)
-    except CRSError:
+    except (CRSError, UnicodeError):
         raise WorkflowError(f"crs is {crs[:60]!r}, which PROJ does not know; give a code such as EPSG:32634.") from None

@@ -12,15 +12,7 @@ from orthomill.pipeline.storage.whole_files import whole_file
 
 ORTHO, DSM, DTM = "odm_orthophoto/odm_orthophoto.tif", "odm_dem/dsm.tif", "odm_dem/dtm.tif"
 CLOUD = "odm_georeferencing/odm_georeferenced_model.laz"
-PLACES = {
-    "points.laz": CLOUD,
-    "report.html": "odm_report/report.html",
-    "report.pdf": "odm_report/report.pdf",
-    "shots.geojson": "odm_report/shots.geojson",
-    "odm_cameras.json": "cameras.json",
-    "ground_control_points.geojson": "odm_georeferencing/ground_control_points.geojson",
-    "ept": "entwine_pointcloud",
-}
+PLACES = {"points.laz": CLOUD, "report.html": "odm_report/report.html", "report.pdf": "odm_report/report.pdf"}
 """places in all.zip of products that go there as they are"""
 OWN = "orthomill"
 """folder of all.zip with everything else, under the names that it has after a run of one's own"""
@@ -61,8 +53,7 @@ def assets(run: Path, made: Iterable[Asset] = ()) -> Iterator[Asset]:
         yield asset
     for path in _delivered(run):
         within = path.relative_to(run / "products") if path.is_relative_to(run / "products") else path.relative_to(run)
-        head = within.parts[0]
-        place = "/".join((PLACES[head], *within.parts[1:])) if head in PLACES else f"{OWN}/{within.as_posix()}"
+        place = PLACES.get(within.as_posix(), f"{OWN}/{within.as_posix()}")
         if place not in taken:
             taken.add(place)
             yield Asset(path, place)

@@ -29,16 +29,24 @@ Command = Callable[[list[str]], None]
 
 @dataclass(frozen=True)
 class _Made:
-    """A file or folder that `orthomill export` makes: format, product, and place in all.zip."""
+    """A file or folder that `orthomill export` makes: format, product ("": the run), and place in all.zip."""
 
     kind: str
     of: str
     place: str
 
 
-_PICTURES = {"png": _Made("png", "ortho", "odm_orthophoto/odm_orthophoto.png"), "xyz": _Made("xyz", "ortho", "orthophoto_tiles")}
+_WISHED = {
+    "png": _Made("png", "ortho", "odm_orthophoto/odm_orthophoto.png"),
+    "xyz": _Made("xyz", "ortho", "orthophoto_tiles"),
+    "glb": _Made("glb", "dsm", "odm_texturing/odm_textured_model_geo.glb"),
+    "3dtiles": _Made("3dtiles", "dsm", "3d_tiles/model"),
+}
 _EPT = _Made("ept", "points", "entwine_pointcloud")
 _ONE_CLOUD = _Made("laz", "points", CLOUD)
+_BLOCK = _Made("odm", "", f"{OWN}/odm")
+_OF_BLOCK = {f"{OWN}/odm/shots.geojson": "odm_report/shots.geojson", f"{OWN}/odm/cameras.json": "cameras.json"}
+"""places that clients know of files of the block"""
 
 
 def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command: Command, verdict: str) -> list[str]:
@@ -90,7 +98,9 @@ def _cutline(folder: TaskFolder, wishes: Wishes) -> Path | None:
 def _exports(folder: TaskFolder, wishes: Wishes) -> Iterator[_Made]:
     products = folder.run / "products"
     if (products / "ortho.tif").is_file():
-        yield from (_PICTURES[kind] for kind in wishes.pictures)
+        yield from (_WISHED[kind] for kind in wishes.formats)
+    if (products / "cameras.json").is_file():
+        yield _BLOCK
     # The points of a large surface are a folder of files; clients know one.
     if (products / "points").is_dir():
         yield _ONE_CLOUD
@@ -102,11 +112,13 @@ def _exported(folder: TaskFolder, wanted: _Made, command: Command, lines: list[s
     """A file, or the files of a folder; what cannot be made is told and fails nothing."""
     path = folder.run / "products" / "exported" / f"client_{wanted.kind}{Path(wanted.place).suffix}"
     try:
-        command(["export", folder.run.name, path.relative_to(folder.run).as_posix(), "--as", wanted.kind, "--of", wanted.of])
+        of = ["--of", wanted.of] if wanted.of else []
+        command(["export", folder.run.name, path.relative_to(folder.run).as_posix(), "--as", wanted.kind, *of])
     except OrthomillError as error:
         lines.append(f"Not made: {wanted.place}: {error}")
         return []
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file())
-        return [Asset(file, f"{wanted.place}/{file.relative_to(path).as_posix()}") for file in files]
+        places = [f"{wanted.place}/{file.relative_to(path).as_posix()}" for file in files]
+        return [Asset(file, _OF_BLOCK.get(place, place)) for file, place in zip(files, places, strict=True)]
     return [Asset(path, wanted.place)]

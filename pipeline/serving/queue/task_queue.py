@@ -58,6 +58,16 @@ class QueueRules:
         return max((os.cpu_count() or 1) // self.parallel, 1)
 
 
+def _to_the_medium(upload: TaskFolder) -> None:
+    """Files of an upload that a power cut does not take any more."""
+    for path in (*upload.images.iterdir(), upload.path / "task.json", upload.path / "wishes.json", upload.images, upload.path):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
 @dataclass
 class TaskQueue:
     """All tasks below a folder. Its methods may be called from any thread."""
@@ -97,6 +107,7 @@ class TaskQueue:
         ready = state.model_copy(update={"status": TaskStatus.QUEUED, "queued": now(), "bytes": upload.bytes_used()})
         write_whole(upload.path / "wishes.json", wishes.model_dump_json(indent=1).encode())
         upload.keep(ready)
+        _to_the_medium(upload)
         # From this rename on the task exists, whatever happens.
         try:
             upload.path.rename(self.folder / ready.uuid)

@@ -33,8 +33,8 @@ class Wishes(BaseModel):
     processes: int = 0
     ortho_cell: float = 0.0
     dem_cell: float = 0.0
-    pictures: tuple[str, ...] = ()
-    """formats of the orthoimage besides GeoTIFF, as `orthomill export --as` names them"""
+    formats: tuple[str, ...] = ()
+    """in which orthoimage and surface are delivered besides GeoTIFF, as `orthomill export --as` names them"""
     tiled_cloud: bool = True
     """whether the points are delivered as Entwine tiles too, which viewers of points read"""
     rerun_from: str = ""

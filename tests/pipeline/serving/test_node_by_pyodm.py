@@ -1,13 +1,14 @@
 """The client that WebODM uses speaks to the node: upload in parts, progress, results, errors, and the end of a task."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from pyodm.exceptions import NodeResponseError, TaskFailedError
 from pyodm.types import TaskStatus
 
-from benchmarks.serving.running_node import node, photographs
+from benchmarks.serving.running_node import TOKEN, node, photographs
 
 
 @pytest.fixture(scope="module")
@@ -93,3 +94,17 @@ def test_a_task_is_cancelled_begun_again_and_removed(running, tmp_path):
     assert task.remove() and not (running.home / "tasks" / task.uuid).exists()
     with pytest.raises(NodeResponseError, match="not found"):
         task.info()
+
+
+def test_the_client_of_the_documentation_works(running, tmp_path, monkeypatch):
+    page = (Path(__file__).parents[3] / "docs" / "serve.md").read_text()
+    program = page.split("```python\n")[1].split("```")[0]
+    photographs(tmp_path / "flight")
+    (tmp_path / "flight" / "gcp_list.txt").write_text("EPSG:32634\n")
+    monkeypatch.chdir(tmp_path)
+    values: dict = {}
+    exec(program.replace("3000", str(running.port)).replace("the token of the node", TOKEN), values)
+    assert (Path(values["folder"]) / "task_output.txt").exists()
+    named = {option.name for option in running.client().options()}
+    said = set(re.findall(r"`([a-z0-9-]+)`", page.split("| option | what it does here |")[1].split("A wrong value")[0]))
+    assert said - named == {"rerun-from", "false"}

@@ -4,13 +4,17 @@ import http.client
 import json
 import random
 import re
+import shutil
+import subprocess
 import urllib.parse
 from pathlib import Path
 
 import pytest
 
 from benchmarks.serving.running_node import TOKEN, node, photographs
+from orthomill.pipeline.report.paper import FLAGS
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 UUID = "01234567-89ab-cdef-0123-456789abcdef"
 BOUNDARY = "xXx"
 
@@ -59,7 +63,20 @@ ROUTES += ["/task/new", "/task/new/init", "/task/new/upload/{u}", "/task/new/com
 ROUTES += ["/task/{u}/download/{n}", "/task/{u}/download/../{n}", "/task/cancel", "/task/remove", "/task/restart", "/task/{n}"]
 NAMES = ["all.zip", "../../../etc/passwd", "%2e%2e%2f%2e%2e%2ftoken.txt", "%00", "task.json", "odm_dem/dsm.tif", "é", "x" * 3000]
 NAMES += [""]
-VALUES = ["", "0", "-1", "9" * 30, "NaN", "[]", "{}", '[{"name": "dtm"}]', '[{"name": "tile", "value": "x"}]', "\x00", "é" * 50]
+VALUES = [
+    "",
+    "0",
+    "-1",
+    "9" * 30,
+    "NaN",
+    "[]",
+    "{}",
+    '[{"name": "dtm"}]',
+    '[{"name": "tile", "value": "x"}]',
+    "\x00",
+    "é" * 50,
+    '[{"name": "crs", "value": "\\ud800"}]',
+]
 FIELDS = [
     "uuid",
     "options",
@@ -151,7 +168,7 @@ def test_the_page_has_a_cookie_that_changes_nothing_without_its_header(running, 
     assert status == 200 and b"<article" not in page and "unsafe" not in headers["content-security-policy"]
     told = json.loads(asked(running, "GET", "/tasks.json", Cookie=cookie)[1])
     assert [task["name"] for task in told["tasks"] if task["uuid"] == done] == ["<b>done</b>"]
-    body = f'{{"uuid": "{UUID}"}}'.encode()
+    body = b'{"uuid": "00000000-0000-4000-8000-000000000000"}'
     assert asked(running, "POST", "/task/remove", body, Cookie=cookie, Content_Type="application/json")[0] == 401
     allowed = asked(running, "POST", "/task/remove", body, Cookie=cookie, Content_Type="application/json", X_Orthomill_Page="1")
     assert allowed[0] == 200 and b"not found" in allowed[1]
@@ -202,3 +219,22 @@ def test_all_in_one_request(running):
     assert "tile is '1'" in refused["error"]
     waiting = posted_form(running, "/task/new", ("zipurl", None, b"http://127.0.0.1/x.zip"))
     assert "no object store" in waiting["error"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_the_page_in_a_real_browser(running, done, tmp_path):
+    address = f"http://127.0.0.1:{running.port}/?token={TOKEN}"
+    words = [
+        CHROMIUM,
+        *FLAGS,
+        f"--user-data-dir={tmp_path}",
+        "--enable-logging=stderr",
+        "--virtual-time-budget=3000",
+        "--dump-dom",
+        address,
+    ]
+    shown = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert "&lt;b&gt;done&lt;/b&gt;" in shown.stdout and "Good: checked." in shown.stdout and ">all.zip</a>" in shown.stdout
+    assert "CONSOLE" not in shown.stderr  # a script or a style that the policy refuses is told there
+    asked_of_page = re.findall(r'href="(view/[^"]+)"', shown.stdout)
+    assert len(asked_of_page) >= 2 and TOKEN not in shown.stdout

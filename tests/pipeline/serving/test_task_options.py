@@ -164,4 +164,4 @@ def test_wishes_survive_json():
     wanted = asked(
         {"boundary": json.dumps({"type": "Polygon", "coordinates": [[[1, 2], [2, 2], [2, 3]]]}), "tiles": True, "pc-ept": False}
     )
-    assert Wishes.model_validate_json(wanted.model_dump_json()) == wanted and wanted.pictures == ("xyz",) and not wanted.tiled_cloud
+    assert Wishes.model_validate_json(wanted.model_dump_json()) == wanted and wanted.formats == ("xyz",) and not wanted.tiled_cloud
