@@ -11,15 +11,7 @@ TESTED = "tested"
 class _Tested(BaseModel):
     """Base of the parts of a test."""
 
-    # A point outside of a product has no height: NaN must come back from the file as it went in.
-    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
-
-    def __eq__(self, other: object) -> bool:
-        # As they are stored: what was not found is the same as what was not found, which NaN is not.
-        return isinstance(other, type(self)) and self.model_dump_json() == other.model_dump_json()
-
-    def __hash__(self) -> int:
-        return hash(self.model_dump_json())
+    model_config = ConfigDict(frozen=True)
 
 
 class HeightTest(_Tested):
@@ -27,18 +19,23 @@ class HeightTest(_Tested):
 
     reason: str
     """TESTED, or a sentence why its height says nothing here"""
-    height: float = float("nan")
+    height: float | None = None
     """m, of the surface at the point's place; also where it is not tested, if there is one"""
-    sigma: float = float("nan")
-    """m, standard error that the surface states there"""
-    slope: float = float("nan")
+    sigma: float | None = None
+    """m, standard error that the surface states there; None: it states none"""
+    slope: float | None = None
     """rise over run of the ground around"""
-    step: float = float("nan")
+    step: float | None = None
     """m, by which the ground around leaves its plane at most"""
 
     @property
     def tested(self) -> bool:
         return self.reason == TESTED
+
+    @property
+    def counted(self) -> float | None:
+        """The height that is tested, m; None where it is not."""
+        return self.height if self.tested else None
 
 
 class PlaceTest(_Tested):
@@ -46,9 +43,9 @@ class PlaceTest(_Tested):
 
     reason: str
     """TESTED, or a sentence why it was not found"""
-    place: tuple[float, float] = (float("nan"), float("nan"))
-    """X, Y in the orthoimage, m"""
-    sigma: tuple[float, float] = (float("nan"), float("nan"))
+    place: tuple[float, float] | None = None
+    """X, Y in the orthoimage, m; None where it was not found"""
+    sigma: tuple[float, float] | None = None
     """m, standard errors of the place: matching and marks"""
     photos: int = 0
     """photographs whose patches were found"""
@@ -84,26 +81,27 @@ class PointTest(_Tested):
     @property
     def height_difference(self) -> float | None:
         """Surface minus survey, m; None where it was not tested."""
-        return self.height.height - self.surveyed[2] if self.height and self.height.tested else None
+        counted = self.height and self.height.counted
+        return None if counted is None else counted - self.surveyed[2]
 
     @property
     def height_predicted(self) -> float | None:
-        """Standard error that surface and survey promise for that difference, m."""
-        if self.height is None or not self.height.tested:
+        """Standard error that surface and survey promise for that difference, m; None where the surface promises none."""
+        if self.height is None or not self.height.tested or self.height.sigma is None:
             return None
         return float((self.height.sigma**2 + self.sigma[2] ** 2) ** 0.5)
 
     @property
     def place_difference(self) -> tuple[float, float] | None:
         """Orthoimage minus survey in X and Y, m; None where it was not tested."""
-        if self.place is None or not self.place.tested:
+        if self.place is None or not self.place.tested or self.place.place is None:
             return None
         return self.place.place[0] - self.surveyed[0], self.place.place[1] - self.surveyed[1]
 
     @property
     def place_predicted(self) -> tuple[float, float] | None:
         """Standard errors that orientations, surface, survey and the measurement of the place promise for these differences, m."""
-        if self.place is None or not self.place.tested or self.place.promised is None:
+        if self.place is None or not self.place.tested or self.place.promised is None or self.place.sigma is None:
             return None
         known = zip(self.place.promised, self.place.sigma, self.sigma[:2], strict=True)
         x, y = (float((own**2 + found**2 + survey**2) ** 0.5) for own, found, survey in known)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from orthomill.schemas.accuracy.point_tests import PointTest, PointTests
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Provenance
@@ -17,6 +18,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import (
     place_in_orthoimage,
 )
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
 
@@ -35,6 +37,15 @@ def test_the_height_is_that_of_the_surface_at_the_very_place():
     found = height_at(cells(lambda x, y: 20 + 0.05 * (x - X) - 0.04 * (y - Y)), X, Y, 0.1)
     assert found.tested and found.height == pytest.approx(20, abs=1e-4)
     assert found.slope == pytest.approx(np.hypot(0.05, 0.04), rel=1e-3) and found.sigma == pytest.approx(0.02)
+
+
+def test_a_surface_that_states_no_precision_is_tested_and_promises_nothing():
+    found = height_at(cells(lambda x, y: 0 * x, sigma=np.nan), X, Y, 0.1)
+    assert found.counted == 0.0 and found.sigma is None
+    point = PointTest(name="p", surveyed=(X, Y, 0.2), sigma=(0.01, 0.01, 0.01), height=found)
+    assert point.height_difference == pytest.approx(-0.2) and point.height_predicted is None
+    (figure,) = statement_of(PointTests(points=(point,) * 30)).figures
+    assert figure.kind == "nva" and figure.promised is None
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def point_beside_products(
 
 def _height_sigma(test: HeightTest | None) -> float:
     """What the surface states there, m; nothing where it states nothing."""
-    return test.sigma if test and np.isfinite(test.sigma) else 0.0
+    return test.sigma if test and test.sigma is not None else 0.0
 
 
 def _outside(grid: MapGrid | None) -> HeightTest | None:

@@ -53,7 +53,8 @@ def height_at(cells: CellsAround, x: float, y: float, steepest: float) -> Height
     values = cells.height[between]
     if not np.isfinite(values).all():
         return HeightTest(reason="the surface has no height here")
-    height, sigma = float((weight * values).sum()), float((weight * cells.sigma[between]).sum())
+    height, stated = float((weight * values).sum()), float((weight * cells.sigma[between]).sum())
+    sigma = stated if np.isfinite(stated) else None
     plane = _ground_plane(cells, x, y)
     if plane is None:
         return HeightTest(reason="beside a hole of the surface", height=height, sigma=sigma)

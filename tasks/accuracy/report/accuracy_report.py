@@ -1,6 +1,5 @@
 """The report of `accuracy`: what the products are worth by independent points, in the standard's words and in plain ones."""
 
-import math
 from collections.abc import Iterator
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement
@@ -144,8 +143,9 @@ def _grids(tests: PointTests, statement: AccuracyStatement) -> Iterator[Grid]:
 
 def _row(test: PointTest) -> tuple[float | int | str | None, ...]:
     plan, block = test.place_difference, test.block or (None, None, None)
-    sigma = None if plan is None or test.place is None else round(max(test.place.sigma), 4)
-    checked = test.corrected.height - test.surveyed[2] if test.corrected and test.corrected.tested else None
+    sigma = max(test.place.sigma) if plan and test.place and test.place.sigma else None
+    corrected = test.corrected and test.corrected.counted
+    checked = None if corrected is None else corrected - test.surveyed[2]
     notes = [_why_not(test.height, test.surveyed[2])] if test.height and not test.height.tested else []
     notes += [f"place: {test.place.reason}"] if test.place and not test.place.tested else []
     values = (*(plan or (None, None)), sigma, test.height_difference, test.height_predicted, checked, *block)
@@ -162,7 +162,7 @@ def _doubts(statement: AccuracyStatement, warnings: tuple[str, ...]) -> Iterator
 
 def _why_not(height: HeightTest, surveyed: float) -> str:
     """The reason, and the difference all the same where there is one: what is not counted is shown."""
-    there = f" ({height.height - surveyed:+.3f} m, not counted)" if math.isfinite(height.height) else ""
+    there = "" if height.height is None else f" ({height.height - surveyed:+.3f} m, not counted)"
     return f"height: {height.reason}{there}"
 
 

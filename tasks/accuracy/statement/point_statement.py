@@ -33,14 +33,15 @@ def _horizontal(tests: PointTests) -> AccuracyFigure | None:
     promised = np.array(predicted) if predicted and all(p is not None for p in predicted) else None
     difference, survey = np.array([p.place_difference for p in points]), np.array([p.sigma[:2] for p in points])
     found = accuracy_of("horizontal", difference, survey, promised, tests.area_km2)
-    places = np.array([p.place.sigma for p in points if p.place])
+    places = np.array([p.place.sigma for p in points if p.place and p.place.sigma])
     return found and found.model_copy(update={"measuring": float(np.sqrt((places**2).sum(axis=1).mean()))})
 
 
 def _vertical(tests: PointTests, vegetated: bool) -> AccuracyFigure | None:
     points = [p for p in tests.points if p.height_difference is not None and p.vegetated == vegetated]
     difference, survey = np.array([[p.height_difference] for p in points]), np.array([p.sigma[2:] for p in points])
-    promised = np.array([[p.height_predicted] for p in points]) if points else None
+    predicted = [p.height_predicted for p in points]
+    promised = np.array(predicted)[:, None] if predicted and all(p is not None for p in predicted) else None
     return accuracy_of("vva" if vegetated else "nva", difference, survey, promised, tests.area_km2)
 
 
