@@ -9,9 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import laspy
 import numpy as np
-import trimesh
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.solid.mesh import TriangleMesh
@@ -47,6 +45,8 @@ def _reader(path: Path) -> Callable[[Path], TriangleMesh]:
 
 
 def _read_by_trimesh(path: Path) -> TriangleMesh:
+    import trimesh  # here and below: it takes longer to load than a second run of a project takes to plan
+
     # Neither merged nor mended: what is wrong with a mesh is counted where it is mended, and told.
     loaded: Any = trimesh.load(path, process=False, maintain_order=True, skip_materials=True)
     if isinstance(loaded, trimesh.Scene):
@@ -58,6 +58,8 @@ def _read_by_trimesh(path: Path) -> TriangleMesh:
 
 def _colours(loaded: Any, count: int) -> np.ndarray | None:
     """Colours (count, 3) of vertices, where the file has them."""
+    import trimesh
+
     visual = getattr(loaded, "visual", None)
     found = loaded.colors if isinstance(loaded, trimesh.PointCloud) else getattr(visual, "vertex_colors", None)
     stored = isinstance(loaded, trimesh.PointCloud) or getattr(visual, "kind", None) == "vertex"
@@ -65,6 +67,8 @@ def _colours(loaded: Any, count: int) -> np.ndarray | None:
 
 
 def _read_cloud(path: Path) -> TriangleMesh:
+    import laspy
+
     cloud = laspy.read(path)
     points = np.column_stack([np.asarray(cloud[axis], np.float64) for axis in ("x", "y", "z")])
     return TriangleMesh(points, np.zeros((0, 3), np.int32))
