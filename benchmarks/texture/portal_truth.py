@@ -31,9 +31,9 @@ from orthomill.schemas.truth import TRUTH_FRONT_DEPTH, TRUTH_FRONT_ORTHO, TRUTH_
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.projection.stage import ProjectionStage
 from orthomill.tasks.simulation.portal.portal_block import portal_block, to_system
-from orthomill.tasks.simulation.portal.portal_jobs import PortalSite, front_of_portal, photograph_of_portal
 from orthomill.tasks.simulation.portal.portal_scene import PortalScene
 from orthomill.tasks.simulation.portal.portal_survey import scanned_portal
+from orthomill.tasks.simulation.portal.portal_tiles import PortalSite, front_of_portal, photograph_of_portal
 from tests.support.engine.memory_runner import MemoryProject
 from tests.support.solid import wall_and_box as scene
 

@@ -81,7 +81,7 @@ class PointTest(_Tested):
     @property
     def height_difference(self) -> float | None:
         """Surface minus survey, m; None where it was not tested."""
-        counted = self.height and self.height.counted
+        counted = self.height.counted if self.height else None
         return None if counted is None else counted - self.surveyed[2]
 
     @property

@@ -2,20 +2,18 @@
 
 import numpy as np
 
-from orthomill.schemas.maps.map_page import MapCamera, MapPage, ValueLayer
+from orthomill.schemas.maps.map_page import MapCamera
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.stage_report import Picture, StageReport
 from orthomill.tasks.geometry.view import View, block_view
 
 SIDE = 6
 """places along each side of a photograph from which its outline on the ground is drawn: lenses bend it"""
 
 
-def map_page(block: Block, photos: Photos, project: str, pictures: tuple[Picture, ...], values: tuple[ValueLayer, ...]) -> MapPage:
-    """The page of a project, with its photographs on the ground at the mean height of the block."""
-    cameras = tuple(_camera(block_view(block, name), photos, block.ground_mean) for name in block.names)
-    return MapPage(project=project, pictures=pictures, values=values, cameras=cameras, system=block.crs)
+def map_cameras(block: Block, photos: Photos) -> tuple[MapCamera, ...]:
+    """The photographs of a block on the ground at its mean height."""
+    return tuple(_camera(block_view(block, name), photos, block.ground_mean) for name in block.names)
 
 
 def _camera(view: View, photos: Photos, ground: float) -> MapCamera:
@@ -37,12 +35,3 @@ def _outline(view: View, ground: float) -> tuple[tuple[float, float], ...]:
     reach = (ground - view.centre[2]) / down
     places = np.asarray(view.centre)[:2] + reach[:, None] * rays[:, :2]
     return tuple((round(float(x), 2), round(float(y), 2)) for x, y in places)
-
-
-def chosen_pictures(reports: tuple[StageReport, ...], wanted: tuple[str, ...]) -> tuple[Picture, ...]:
-    """The pictures of the `wanted` rasters, in that order; of several pictures of one raster the first."""
-    found: dict[str, Picture] = {}
-    for report in reports:
-        for picture in report.pictures:
-            found.setdefault(picture.raster, picture)
-    return tuple(found[name] for name in wanted if name in found)

@@ -9,7 +9,6 @@ from small_block import FLIGHT, ground_under, scene, site, whole
 from orthomill.schemas.raster import Window, tiles_of
 from orthomill.schemas.truth import OPEN_MATERIALS, Material
 from orthomill.tasks.simulation.flight import exposure, views
-from orthomill.tasks.simulation.jobs import paint
 from orthomill.tasks.simulation.rendering import Film, cast, render
 from orthomill.tasks.simulation.scene.aloft import CABLE, LEAF, Aloft, first_seen, lifted, nothing_aloft
 from orthomill.tasks.simulation.scene.crowns import TreeColumn, crown_top, leaves_at, stand_at_rest, stand_in_wind
@@ -19,6 +18,7 @@ from orthomill.tasks.simulation.scene.scene import bare_ground
 from orthomill.tasks.simulation.scene.traversal import TOP, Ray, columns_of, first_hit
 from orthomill.tasks.simulation.scene.vehicles import vehicle_cells, vehicles_of
 from orthomill.tasks.simulation.scene.wires import MARKED, WIRE_RADIUS, near_spans, off_span, spans_of, wire_height
+from orthomill.tasks.simulation.simulated_tiles import paint
 
 SEED = FLIGHT.seed
 

@@ -21,8 +21,8 @@ from orthomill.tasks.simulation.boards.project_boards import (
     render_boards,
 )
 from orthomill.tasks.simulation.flight import FlightSettings, camera_of, orientations, true_block, views
-from orthomill.tasks.simulation.jobs import see, sight_window
 from orthomill.tasks.simulation.scene.hash_noise import normal_of, value_noise
+from orthomill.tasks.simulation.simulated_tiles import see, sight_window
 from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.simulation.surveying import (
     SurveySettings,

@@ -13,12 +13,12 @@ from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.truth import Material
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.simulation.flight import BLOCK, FlightExposure
-from orthomill.tasks.simulation.jobs import sight_window
 from orthomill.tasks.simulation.rendering import HALO, Film, _object_keys, _wall_colour, blur, cast, expose
 from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow
 from orthomill.tasks.simulation.scene.scene import SurfaceWindow
 from orthomill.tasks.simulation.scene.sunlight import AMBIENT, SUN, SUN_ELEVATION, light_on
 from orthomill.tasks.simulation.scene.true_visibility import occlusion_reach
+from orthomill.tasks.simulation.simulated_tiles import sight_window
 
 CELL, SIDE = 0.5, 16 * BLOCK
 GRID = MapGrid(west=408000.0, north=4357000.0, cell=CELL, rows=SIDE, cols=SIDE)

@@ -9,10 +9,10 @@ from small_block import FLIGHT, ground_under, scene, site, whole
 from orthomill.schemas.raster import Window
 from orthomill.schemas.truth import OPEN_MATERIALS
 from orthomill.tasks.simulation.flight import BLOCK, exposure, views
-from orthomill.tasks.simulation.jobs import see, sight_window
 from orthomill.tasks.simulation.rendering import HALO, Film, blur, cast, expose, render
 from orthomill.tasks.simulation.scene.traversal import NOTHING, TOP, WALL, Ray, columns_of, first_hit, is_free, safe_start, widened
 from orthomill.tasks.simulation.scene.vehicles import vehicles_of, with_vehicles
+from orthomill.tasks.simulation.simulated_tiles import see, sight_window
 
 CELL = 0.5
 FILM = Film(exposure(FLIGHT, 1), 2.0, 2009)

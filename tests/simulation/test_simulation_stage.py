@@ -11,8 +11,9 @@ from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.tasks.simulation.flight import camera_of, orientations
-from orthomill.tasks.simulation.jobs import describe, report, survey_block
 from orthomill.tasks.simulation.plan.simulation_jobs import survey_of
+from orthomill.tasks.simulation.report.flight_report import flight_report
+from orthomill.tasks.simulation.simulated_tiles import describe, survey_block
 from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.simulation.surveying import SurveyPoint
 
@@ -162,7 +163,7 @@ def test_the_truth_is_the_block_of_the_flight():
 def test_the_report_states_what_was_simulated():
     stage = SimulationStage(**SMALL)
     made = tables()
-    found = report(made.control, made.measurements, site(), survey_of(stage), (2, 5, 2.0))
+    found = flight_report(made.control, made.measurements, site(), survey_of(stage), (2, 5, 2.0))
     values = {figure.name: figure.value for figure in found.figures}
     assert values["photos"] == 6 and values["photo_width"] == 599 and values["buildings"] == 20 and values["board_photos"] == 2
     assert values["control_points"] == 5 and values["check_points"] == 4 and values["point_measurements"] == 27

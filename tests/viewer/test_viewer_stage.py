@@ -12,7 +12,7 @@ from orthomill.schemas.maps.map_page import MAP_PAGE
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.stage_report import Picture, Product, StageReport
 from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO
-from orthomill.tasks.viewer.photographs_on_map import map_page
+from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
 from orthomill.tasks.viewer.stage import ViewerStage
 

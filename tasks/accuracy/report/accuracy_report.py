@@ -144,7 +144,7 @@ def _grids(tests: PointTests, statement: AccuracyStatement) -> Iterator[Grid]:
 def _row(test: PointTest) -> tuple[float | int | str | None, ...]:
     plan, block = test.place_difference, test.block or (None, None, None)
     sigma = max(test.place.sigma) if plan and test.place and test.place.sigma else None
-    corrected = test.corrected and test.corrected.counted
+    corrected = test.corrected.counted if test.corrected else None
     checked = None if corrected is None else corrected - test.surveyed[2]
     notes = [_why_not(test.height, test.surveyed[2])] if test.height and not test.height.tested else []
     notes += [f"place: {test.place.reason}"] if test.place and not test.place.tested else []

@@ -22,7 +22,11 @@ from orthomill.schemas.truth import (
 )
 from orthomill.tasks.simulation.boards.project_boards import BoardPhoto
 from orthomill.tasks.simulation.flight import FlightSettings, camera_of, scene_grid, scene_settings, seen_window, views
-from orthomill.tasks.simulation.jobs import (
+from orthomill.tasks.simulation.plan.portal_jobs import plan_portal
+from orthomill.tasks.simulation.portal.portal_tiles import PortalSite
+from orthomill.tasks.simulation.report.flight_report import flight_report
+from orthomill.tasks.simulation.scene.settlement import scene_of
+from orthomill.tasks.simulation.simulated_tiles import (
     Site,
     board_raster_name,
     describe,
@@ -32,13 +36,10 @@ from orthomill.tasks.simulation.jobs import (
     photograph_boards,
     place_point,
     place_table,
-    report,
     see,
     sight_window,
     survey_block,
 )
-from orthomill.tasks.simulation.portal.portal_jobs import PortalSite, plan_portal
-from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.stage import SimulationStage
 from orthomill.tasks.simulation.surveying import SurveySettings, lattice, search_window
 
@@ -210,7 +211,7 @@ def _report_job(asked: SimulationStage, site: Site) -> Job:
     return Job(
         stage="simulation",
         item="report",
-        function=report,
+        function=flight_report,
         reads={"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE},
         writes={"report": report_table("simulation")},
         params={"site": site, "survey_settings": survey_of(asked), "boards": (asked.board_photos, asked.boards, asked.noise_sigma)},

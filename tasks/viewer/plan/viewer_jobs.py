@@ -16,7 +16,7 @@ from orthomill.schemas.maps.map_page import MAP_PAGE, ValueLayer
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.stage_report import StageReport, report_table
+from orthomill.schemas.stage_report import Picture, StageReport, report_table
 from orthomill.schemas.surface import (
     CHECKED_CODE,
     CORRECTED,
@@ -28,7 +28,7 @@ from orthomill.schemas.surface import (
     PROVENANCE_CODES,
     RELATIVE_PRECISION,
 )
-from orthomill.tasks.viewer.photographs_on_map import chosen_pictures, map_page
+from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
 
 _STAGES = ("densification", "dsm_check", "terrain", "texture")
@@ -54,7 +54,7 @@ _LAYERS = (
 def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
     """The page of a project that has a surface or an orthoimage; none otherwise."""
     reports = tuple(view.table(report_table(kind)) for kind in _STAGES if view.has_stage(kind))
-    pictures = chosen_pictures(reports, _LAYERS)
+    pictures = _chosen_pictures(reports, _LAYERS)
     if not pictures:
         return
     values = tuple(_values(view))
@@ -73,6 +73,15 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
     yield Job(
         stage="viewer", item="report", function=viewer_report, reads={"page": MAP_PAGE}, writes={"report": report_table("viewer")}
     )
+
+
+def _chosen_pictures(reports: tuple[StageReport, ...], wanted: tuple[str, ...]) -> tuple[Picture, ...]:
+    """The pictures of the `wanted` rasters, in that order; of several pictures of one raster the first."""
+    found: dict[str, Picture] = {}
+    for report in reports:
+        for picture in report.pictures:
+            found.setdefault(picture.raster, picture)
+    return tuple(found[name] for name in wanted if name in found)
 
 
 def _values(view: ProjectView) -> Iterator[ValueLayer]:

@@ -10,16 +10,16 @@ from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.tasks.projection.stage import ProjectionStage
-from orthomill.tasks.simulation.portal.portal_jobs import (
+from orthomill.tasks.simulation.portal.portal_scene import PortalScene
+from orthomill.tasks.simulation.portal.portal_tiles import (
     PortalSite,
     describe_portal,
     front_of_portal,
     photograph_of_portal,
-    portal_report,
     portal_scan,
     portal_survey,
 )
-from orthomill.tasks.simulation.portal.portal_scene import PortalScene
+from orthomill.tasks.simulation.report.portal_report import portal_report
 from orthomill.tasks.simulation.stage import SimulationStage
 
 SCENE = {"kind": "portal", "reduction": 8.0, "scan_cell": 0.25, "scan_noise": 0.002, "front_pixel": 0.05}

@@ -4,10 +4,10 @@ from functools import cache
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.simulation.flight import FlightSettings, scene_grid, scene_settings, seen_window, views
-from orthomill.tasks.simulation.jobs import Site
 from orthomill.tasks.simulation.scene.ground_texture import PaintedWindow, painted_window
 from orthomill.tasks.simulation.scene.layout import Scene
 from orthomill.tasks.simulation.scene.settlement import scene_of
+from orthomill.tasks.simulation.simulated_tiles import Site
 
 FLIGHT = FlightSettings(
     seed=2009, frame_mm=57.5, c_mm=38.34, pixel_um=96.0, scale=6800.0, base_m=145.0, side_overlap=0.6, strips=2, photos_per_strip=3
