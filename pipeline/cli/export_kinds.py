@@ -196,7 +196,7 @@ def _write_sheets(asked: Asked, form: ExportFormat, product: Path, path: Path) -
     from orthomill.pipeline.export.conversions.warped_product import warped
 
     with warped(product, asked.wanted) as view:
-        crs, sheets = view.crs.to_wkt(), sheets_of(asked.sheets or "", view.crs.to_wkt(), tuple(view.bounds))
+        crs, sheets = view.crs and view.wkt, sheets_of(asked.sheets or "", view.wkt, tuple(view.bounds))
     path.mkdir()
     written = []
     for sheet in sheets:

@@ -10,7 +10,7 @@ from pyproj import CRS
 from rasterio.windows import Window
 
 from orthomill.pipeline.export.conversions.wanted import Wanted
-from orthomill.pipeline.export.conversions.warped_product import WarpedProduct, warped
+from orthomill.pipeline.export.conversions.warped_product import WarpedProduct, plan_of, warped
 from orthomill.pipeline.export.exports import world_file
 from orthomill.schemas.errors import WorkflowError
 
@@ -74,7 +74,8 @@ def write_picture(product: Path, path: Path, wanted: Wanted, kind: str) -> None:
         plain.unlink()
         path.with_name(f"{path.name}.aux.xml").unlink(missing_ok=True)
         path.with_suffix(_PICTURE_SUFFIXES[kind]).write_text(world_file(tuple(view.transform)[:6]))
-        path.with_suffix(".prj").write_text(CRS.from_user_input(view.crs).to_wkt("WKT1_ESRI"))
+        if view.crs is not None:
+            path.with_suffix(".prj").write_text(plan_of(CRS.from_user_input(view.crs)).to_wkt("WKT1_ESRI"))
 
 
 def height_windows(view: WarpedProduct) -> Iterator[tuple[Window, np.ndarray, tuple[slice, slice]]]:

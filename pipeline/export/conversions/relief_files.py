@@ -45,7 +45,7 @@ def slope(heights: np.ndarray, cell: float) -> np.ndarray:
 def write_relief(product: Path, path: Path, wanted: Wanted, kind: Literal["hillshade", "slope"]) -> None:
     """Hillshade or slope of a product of heights as GeoTIFF. Raises WorkflowError in a system of degrees."""
     with warped(product, wanted) as view:
-        if view.crs.is_geographic:
+        if view.crs is not None and view.crs.is_geographic:
             raise WorkflowError(f"A {kind} needs a system in metres, and {wanted.crs} has degrees: give another --crs, or none.")
         make, dtype, nodata = (hillshade, "uint8", 0) if kind == "hillshade" else (slope, "float32", float("nan"))
         profile = {

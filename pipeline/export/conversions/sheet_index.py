@@ -10,8 +10,8 @@ from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer
 
 
-def write_sheet_index(path: Path, sheets: Sequence[Sheet], ending: str, crs: str) -> None:
-    """A GeoPackage of the sheets in the system `crs`."""
+def write_sheet_index(path: Path, sheets: Sequence[Sheet], ending: str, crs: str | None) -> None:
+    """A GeoPackage of the sheets in the system `crs` (None: a plane of its own)."""
     features = tuple(Feature(_ring(sheet), {"name": sheet.name, "file": f"{sheet.name}{ending}"}) for sheet in sheets)
     write_geopackage(path, (Layer("sheets", "area", features),), crs)
 

@@ -14,6 +14,7 @@ import numpy as np
 import rasterio
 import rasterio.features
 from pyproj import CRS
+from pyproj.crs import CompoundCRS
 from pyproj.exceptions import CRSError
 from rasterio.enums import Resampling
 from rasterio.transform import from_origin
@@ -29,13 +30,20 @@ MOST_PIXELS = 10**11
 """of a file: more is a cell or an area given by mistake"""
 
 
+_PLANE = rasterio.crs.CRS.from_wkt('LOCAL_CS["plane",UNIT["metre",1]]')
+"""of products on a wall, whose files name no system"""
+
+
 class WarpedProduct:
     """A product as it is wanted, read window by window."""
 
     def __init__(self, view: WarpedVRT, outlines: tuple[Outline, ...]) -> None:
         self.view, self.outlines = view, outlines
+        self.wkt = view.crs.to_wkt()
+        """of the system in which it is computed"""
         self.width, self.height, self.count, self.bounds = view.width, view.height, view.count, view.bounds
-        self.transform, self.crs, self.dtypes = view.transform, view.crs, view.dtypes
+        self.transform, self.dtypes = view.transform, view.dtypes
+        self.crs = None if view.crs == _PLANE else view.crs
         self.has_alpha = view.colorinterp[-1] == rasterio.enums.ColorInterp.alpha
         # What is outside must be told from what is inside: 0 where the product itself has no such value.
         self.nodata = 0 if outlines and view.nodata is None and not self.has_alpha else view.nodata
@@ -43,7 +51,7 @@ class WarpedProduct:
     @property
     def profile(self) -> dict:
         """For a file of the same pixels."""
-        return dict(self.view.profile) | {"nodata": self.nodata}
+        return dict(self.view.profile) | {"nodata": self.nodata, "crs": self.crs}
 
     def read(self, window: Window, bands: list[int] | None = None) -> np.ndarray:
         """(bands, rows, cols) of a window; outside the cutline nodata, or 0 in all bands of a picture with transparency."""
@@ -74,35 +82,53 @@ class WarpedProduct:
 def warped(path: Path, wanted: Wanted) -> Iterator[WarpedProduct]:
     """The product as it is wanted. Raises WorkflowError with a sentence for what cannot be."""
     with rasterio.open(path) as source:
-        if source.crs is None:
-            raise WorkflowError(f"{path.name} has no reference system, so that it has no place in another one: leave out --crs.")
-        system = system_of(wanted.crs) if wanted.crs else source.crs
+        if source.crs is None and (wanted.crs or wanted.cutline):
+            raise WorkflowError(
+                f"{path.name} has no reference system, so that it has no place on a map: leave out --crs and --cutline."
+            )
+        own = source.crs or _PLANE
+        system = _with_heights_of(own, system_of(wanted.crs)) if wanted.crs else own
         outlines = read_outlines(wanted.cutline, system.to_wkt()) if wanted.cutline else ()
-        transform, width, height = _grid(source, system, wanted, outlines)
+        transform, width, height = _grid(source, own, system, wanted, outlines)
         codes = source.count == 1 and source.dtypes[0] in ("uint8", "uint16")
-        coarser = wanted.cell is not None and wanted.cell > 1.5 * abs(transform.a if system == source.crs else source.transform.a)
+        coarser = wanted.cell is not None and wanted.cell > 1.5 * abs(transform.a if system == own else source.transform.a)
         how = Resampling.nearest if codes else Resampling.average if coarser else Resampling.cubic
-        options = {"crs": system, "transform": transform, "width": width, "height": height, "resampling": how}
+        options = {"src_crs": own, "crs": system, "transform": transform, "width": width, "height": height, "resampling": how}
         with WarpedVRT(source, **options) as view:
             yield WarpedProduct(view, outlines)
 
 
 def system_of(text: str) -> rasterio.crs.CRS:
-    """A reference system as GDAL has it. Raises WorkflowError for one that PROJ does not know."""
+    """The plan part of a reference system as GDAL has it. Raises WorkflowError for one that PROJ does not know."""
     try:
-        return rasterio.crs.CRS.from_wkt(CRS.from_user_input(text).to_2d().to_wkt("WKT2_2019"))
+        return rasterio.crs.CRS.from_wkt(plan_of(CRS.from_user_input(text)).to_wkt("WKT2_2019"))
     except CRSError as error:
         raise WorkflowError(f"--crs {text} is no reference system that PROJ knows; give a code such as EPSG:25832.") from error
 
 
+def plan_of(system: CRS) -> CRS:
+    """A system without its heights."""
+    return system.sub_crs_list[0] if system.is_compound else system.to_2d()
+
+
+def _with_heights_of(own: rasterio.crs.CRS, plan: rasterio.crs.CRS) -> rasterio.crs.CRS:
+    """A plan system with what the heights of a product count from, which does not change: only places are transformed."""
+    known = CRS.from_wkt(own.to_wkt())
+    if not known.is_compound:
+        return plan
+    horizontal, vertical = CRS.from_wkt(plan.to_wkt()), known.sub_crs_list[1]
+    both = CompoundCRS(f"{horizontal.name} + {vertical.name}", [horizontal, vertical])
+    return rasterio.crs.CRS.from_wkt(both.to_wkt("WKT2_2019"))
+
+
 def _grid(
-    source: rasterio.DatasetReader, system: rasterio.crs.CRS, wanted: Wanted, outlines: tuple[Outline, ...]
+    source: rasterio.DatasetReader, own: rasterio.crs.CRS, system: rasterio.crs.CRS, wanted: Wanted, outlines: tuple[Outline, ...]
 ) -> tuple[rasterio.Affine, int, int]:
     """The transform and size of the file: cells on whole multiples of their size, so that files of neighbouring areas fit
     together."""
     known, width, height = source.transform, source.width, source.height
-    if system != source.crs:
-        known, width, height = calculate_default_transform(source.crs, system, source.width, source.height, *source.bounds)
+    if system != own:
+        known, width, height = calculate_default_transform(own, system, source.width, source.height, *source.bounds)
     elif wanted.area is None and wanted.cell is None and not outlines:
         return known, width, height
     cell = wanted.cell or known.a

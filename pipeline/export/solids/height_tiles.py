@@ -49,7 +49,7 @@ class HeightTiles:
     def __init__(self, heights: list[WarpedProduct], pictures: list[WarpedProduct], texels: int) -> None:
         self.heights, self.pictures, self.texels = heights, pictures, texels
         self.top = len(heights) - 1
-        self.crs = heights[0].crs.to_wkt()
+        self.crs = heights[0].wkt
 
     def places(self, level: int) -> Iterator[TilePlace]:
         view = self.heights[level]
@@ -87,7 +87,7 @@ class HeightTiles:
 def height_tiles(heights: Path, picture: Path, wanted: Wanted) -> Iterator[HeightTiles]:
     """The tiles of a product of heights with a product of colours. Raises WorkflowError for what cannot be."""
     with warped(heights, wanted) as view, warped(picture, replace(wanted, cell=None, area=None, cutline=None)) as colours:
-        if view.crs.is_geographic:
+        if view.crs is not None and view.crs.is_geographic:
             raise WorkflowError("A model in space needs a system in metres; give another --crs.")
         if colours.dtypes[0] != "uint8" or colours.count < 3:
             raise WorkflowError(f"{picture.name} is no picture of 8 bits, which a model in space needs.")

@@ -10,6 +10,7 @@ import pytest
 import rasterio
 from box_scene import block
 from PIL import Image
+from pyproj import CRS
 from rasterio.transform import from_origin
 
 from orthomill.pipeline.cli.export_kinds import Asked, export_as
@@ -173,6 +174,33 @@ def test_a_globe_shows_no_block_that_lies_nowhere(tmp_path):
     nowhere = 'ENGCRS["site",EDATUM["site"],CS[Cartesian,2],AXIS["x",east],AXIS["y",north],LENGTHUNIT["metre",1]]'
     with pytest.raises(WorkflowError, match="this block has none"):
         write_kml(tmp_path / "c.kml", MappedBlock(SimpleNamespace(crs=nowhere), ()))
+
+
+def test_a_facade_leaves_as_picture_and_as_tiff_without_a_place_on_earth(folder):
+    """The orthoimage of a wall names no reference system: its own metres remain."""
+    with rasterio.open(folder / "products/ortho.tif") as source:
+        profile, pixels = {**source.profile, "crs": None, "photometric": "rgb", "alpha": "yes"}, source.read()
+    with rasterio.open(folder / "products/ortho.tif", "w", **profile) as target:
+        target.write(pixels)
+    path = made(folder, "jpeg", cell=2.0)
+    assert path.with_suffix(".jgw").exists() and not path.with_suffix(".prj").exists()
+    with rasterio.open(made(folder, "cog", area=(WEST, NORTH - 100, WEST + 50, NORTH))) as found:
+        assert found.crs is None and found.shape == (100, 50) and found.read(1)[50, 20] == 200
+    assert sorted(one.name for one in made(folder, "png", sheets="300m").glob("*.png"))[0] == "406800_4356900.png"
+    with pytest.raises(WorkflowError, match="has no place on a map"):
+        made(folder, "cog", crs="EPSG:2100")
+    with pytest.raises(WorkflowError, match="has no place on a map"):
+        made(folder, "mbtiles")
+
+
+def test_heights_keep_what_they_count_from_in_another_system(folder):
+    with rasterio.open(folder / "products/terrain.tif", "r+") as target:
+        target.crs = "EPSG:2100+5773"
+    with rasterio.open(made(folder, "geotiff", product="terrain", crs="EPSG:32634+3855")) as found:
+        system = CRS.from_wkt(found.crs.to_wkt())
+        assert [one.to_epsg() for one in system.sub_crs_list] == [32634, 5773]
+        (x,), (y,) = rasterio.warp.transform("EPSG:2100", "EPSG:32634", [WEST + 300.5], [NORTH - 300.5])
+        assert next(found.sample([(x, y)]))[0] == pytest.approx(80.0, abs=0.06)
 
 
 @pytest.mark.parametrize(
