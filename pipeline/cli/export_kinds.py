@@ -78,7 +78,7 @@ def export_as(asked: Asked, folder: Path, methods: Methods | None = None) -> Pat
 def _check_options(asked: Asked, form: ExportFormat) -> None:
     given = {"of": asked.product, **vars(asked.wanted), "sheets": asked.sheets}
     if refused := [f"--{name}" for name, value in given.items() if value is not None and name not in form.options]:
-        taken = ", ".join(f"--{name}" for name in form.options) or "none of them"
+        taken = ", ".join(f"--{name}" for name in form.options) or "no option of this kind"
         raise WorkflowError(f"--as {form.name} takes {taken}; leave out {', '.join(refused)}.")
 
 
@@ -94,8 +94,8 @@ def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
         files["points"] = folder / "products/points"
     found = next((files[name] for name in names if name in files), None)
     if found is None:
-        known = ", ".join(sorted(files)) or "none yet"
-        raise StoreError(f"{folder.name} has no product {' or '.join(names)}; --of is one of {known}.")
+        known = f"--of is one of {', '.join(sorted(files))}" if files else f"run it first: orthomill run {folder.name}"
+        raise StoreError(f"{folder.name} has no product {' or '.join(names)}; {known}.")
     return found
 
 

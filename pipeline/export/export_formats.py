@@ -58,11 +58,16 @@ FORMATS = (
 BY_NAME = {one.name: one for one in FORMATS}
 
 
-def table_lines() -> list[str]:
-    """The table of docs/exports.md."""
-    head = ["| format | what | opens in | options |", "| --- | --- | --- | --- |"]
+_HEAD = "| format | what | opens in | options |\n| --- | --- | --- | --- |\n"
+
+
+def with_table(page: str) -> str:
+    """The page docs/exports.md with the table of all formats in place of the one that it has."""
+    before, _, rest = page.partition(_HEAD)
+    _, _, after = rest.partition("\n\n")
     options = {one.name: ", ".join(f"`--{name}`" for name in one.options) for one in FORMATS}
-    return head + [f"| `{one.name}` | {one.what} | {one.opens_in} | {options[one.name]} |" for one in FORMATS]
+    rows = (f"| `{one.name}` | {one.what} | {one.opens_in} | {options[one.name]} |\n" for one in FORMATS)
+    return f"{before}{_HEAD}{''.join(rows)}\n{after}"
 
 
 def names_in_words() -> str:

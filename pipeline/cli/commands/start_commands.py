@@ -54,11 +54,14 @@ def doctor() -> None:
 
 @starting.command(hidden=True)
 def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
-    """Write the settings reference from the schemas."""
+    """Write the settings reference from the schemas, and the table of formats in exports.md beside it."""
+    from orthomill.pipeline.export.export_formats import with_table
     from orthomill.pipeline.workflow.settings_reference import write_settings_reference
     from orthomill.tasks.catalogue import STAGES
 
     write_settings_reference(STAGES, path)
+    if (exports := path.with_name("exports.md")).is_file():
+        exports.write_text(with_table(exports.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 @starting.command(hidden=True)
