@@ -91,11 +91,18 @@ def warped(path: Path, wanted: Wanted) -> Iterator[WarpedProduct]:
         outlines = read_outlines(wanted.cutline, system.to_wkt()) if wanted.cutline else ()
         transform, width, height = _grid(source, own, system, wanted, outlines)
         codes = source.count == 1 and source.dtypes[0] in ("uint8", "uint16")
-        coarser = wanted.cell is not None and wanted.cell > 1.5 * abs(transform.a if system == own else source.transform.a)
+        coarser = wanted.cell is not None and wanted.cell > 1.5 * _own_cell(source, own, system)
         how = Resampling.nearest if codes else Resampling.average if coarser else Resampling.cubic
         options = {"src_crs": own, "crs": system, "transform": transform, "width": width, "height": height, "resampling": how}
         with WarpedVRT(source, **options) as view:
             yield WarpedProduct(view, outlines)
+
+
+def _own_cell(source: rasterio.DatasetReader, own: rasterio.crs.CRS, system: rasterio.crs.CRS) -> float:
+    """The cell of a product of the system `own`, in units of the one that it is wanted in."""
+    if system == own:
+        return abs(source.transform.a)
+    return abs(calculate_default_transform(own, system, source.width, source.height, *source.bounds)[0].a)
 
 
 def system_of(text: str) -> rasterio.crs.CRS:
