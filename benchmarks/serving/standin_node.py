@@ -15,7 +15,7 @@ ENGINE = (sys.executable, standin_engine.__file__)
 
 def main(home: str, port: str, parallel: str = "1") -> None:
     """Serve until the process is killed."""
-    rules = QueueRules(parallel=int(parallel), memory=1, reserve=0, engine=ENGINE)
+    rules = QueueRules(parallel=int(parallel), memory=1, reserve=0, paper=False, engine=ENGINE)
     prefixes = tuple(filter(None, [os.environ.get("STANDIN_PREFIX", "")]))
     tokens = Path(given) if (given := os.environ.get("STANDIN_TOKENS", "")) else None
     limits = UploadLimits(reserve=0)

@@ -1,10 +1,12 @@
 """What a finished task delivers: maps for clients, the archive, and lines that say what is in it."""
 
 import json
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from orthomill.pipeline.report.paper import BROWSERS, write_pdf
 from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
 from orthomill.pipeline.serving.queue.object_places import send_results
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
@@ -49,9 +51,14 @@ _OF_BLOCK = {f"{OWN}/odm/shots.geojson": "odm_report/shots.geojson", f"{OWN}/odm
 """places that clients know of files of the block"""
 
 
-def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command: Command, verdict: str) -> list[str]:
-    """Write all.zip; lines that name what is in it. Raises StoreError where there is no room for it."""
+def write_delivery(
+    folder: TaskFolder, state: TaskState, wishes: Wishes, command: Command, verdict: str, paper: bool = False
+) -> list[str]:
+    """Write all.zip; lines that name what is in it. With `paper` the report is printed as well, where this machine has a browser.
+    Raises StoreError where there is no room, ResourceError for an object store that refuses."""
     lines: list[str] = []
+    if paper:
+        lines += _printed(folder.run / "report.html")
     made = list(_maps(folder, wishes, lines))
     for wanted in _exports(folder, wishes):
         made += _exported(folder, wanted, command, lines)
@@ -67,6 +74,16 @@ def write_delivery(folder: TaskFolder, state: TaskState, wishes: Wishes, command
     lines += [f"{own[name]}: {what}." for name, what in _EXACT.items() if name in own]
     lines.append(f"all.zip holds {len(places)} files, {folder.results.stat().st_size / 1e6:.1f} MB.")
     return lines
+
+
+def _printed(report: Path) -> list[str]:
+    """The report as a PDF beside it, which WebODM has a button for; a sentence where it was not printed."""
+    if report.is_file() and any(map(shutil.which, BROWSERS)):
+        try:
+            write_pdf(report)
+        except OrthomillError as error:
+            return [f"Not made: odm_report/report.pdf: {error}"]
+    return []
 
 
 def _maps(folder: TaskFolder, wishes: Wishes, lines: list[str]) -> Iterator[Asset]:
@@ -116,6 +133,8 @@ def _exported(folder: TaskFolder, wanted: _Made, command: Command, lines: list[s
         command(["export", folder.run.name, path.relative_to(folder.run).as_posix(), "--as", wanted.kind, *of])
     except OrthomillError as error:
         lines.append(f"Not made: {wanted.place}: {error}")
+        return []
+    if not path.exists():
         return []
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file())

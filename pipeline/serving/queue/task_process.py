@@ -44,6 +44,7 @@ class TaskOrder(BaseModel):
     most_file_bytes: int = 4 * 2**30
     most_bytes: int = 500 * 2**30
     reserve: int = 2 * 2**30
+    paper: bool = False
 
 
 class _Stopped(Exception):
@@ -90,7 +91,9 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     told = ToldRun(folder.progress())
     _command(order, folder, _run_words(order, wishes), told)
     folder.say("Files are written for the client.")
-    lines = write_delivery(folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), told.verdict)
+    lines = write_delivery(
+        folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), told.verdict, order.paper
+    )
     folder.say(*lines)
     folder.tell_progress(told.progress.model_copy(update={"share": 1.0, "left_seconds": 0.0, "stage": ""}))
     return TaskEnd(verdict=told.verdict)

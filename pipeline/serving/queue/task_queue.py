@@ -50,6 +50,8 @@ class QueueRules:
     """that the archives of a task may be unpacked to"""
     reserve: int = 2 * GIB
     """bytes of the disk that are left free: nothing is taken or begun beyond"""
+    paper: bool = True
+    """whether reports are printed as PDF where the machine has a browser"""
     engine: tuple[str, ...] = ENGINE
 
     @property
@@ -270,6 +272,7 @@ class TaskQueue:
             memory=rules.memory,
             most_bytes=rules.most_bytes,
             reserve=rules.reserve,
+            paper=rules.paper,
         )
         program = [ENGINE[0], "-m", "orthomill.pipeline.serving.queue.task_process", order.model_dump_json()]
         with open(folder.path / "process.log", "ab") as log:
