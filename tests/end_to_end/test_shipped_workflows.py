@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from small_site import command
+from whole_plan import plan_whole
 
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.workflow.workflow_file import load_workflow
@@ -26,6 +27,23 @@ def test_a_shipped_workflow_can_be_planned(root, name):
         pytest.skip("the photographs of the wall state no licence and are not shipped; see workflows/photographs/wall/README.md")
     said = command("plan", name)
     assert "not done yet" in said and "orientation" in said
+    assert [path.name for path in root.iterdir()] == ["workflows"]
+
+
+WAITING = {"portal": {"projection"}, "buddha": {"projection"}}
+"""what only the mesh itself tells: into how many blocks it is cut"""
+
+
+@pytest.mark.parametrize("name", ["volos_small", "volos", "volos_second", "brighton", "portal", "buddha"])
+def test_a_shipped_workflow_can_be_planned_to_its_last_job(root, name):
+    """Without doing one: what a later stage would refuse after hours is found in seconds. volos_full has the stages of volos."""
+    session = session_of(load_workflow(root / "workflows" / f"{name}.yaml", STAGES))
+    plan_whole(session)
+    waiting = set(session.planner.waiting_for)
+    assert waiting == WAITING.get(name, set())
+    planned = {key[0] for key in session.graph.jobs}
+    assert planned == {stage.kind for stage in session.stages}
+    assert all(0 < job.memory < 1500 * 2**20 for job in session.graph.jobs.values())
     assert [path.name for path in root.iterdir()] == ["workflows"]
 
 
