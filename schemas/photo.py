@@ -25,6 +25,8 @@ class Header(BaseModel):
     dtype: str
     masked: bool = False
     """The file can say of pixels that they are no picture, most often by an alpha channel, which `bands` does not count."""
+    pictures: int = 1
+    """pictures of this size that the file holds (pages of a TIFF)"""
     decoding: Decoding = "anywhere"
     # Text, because programs disagree about the types of tags: the same one occurs as a number, a fraction or a padded string.
     tags: dict[str, str] = {}
@@ -218,6 +220,12 @@ class PhotoRemarkCode(StrEnum):
     """The tags of photographs hold a calibration, which is the start of the adjustment."""
     MASKED = "masked"
     """The files of photographs can mask parts of them, which are not used."""
+    CUT = "cut"
+    """Files have another shape than the camera wrote by their tags; `words`: width and height by these."""
+    NO_HEMISPHERE = "no_hemisphere"
+    """GPS tags lack east or west, north or south, and were taken as east and north; `words`: which."""
+    SEVERAL_PICTURES = "several_pictures"
+    """Files hold several pictures of the size that is used, of which the first is; `words`: how many."""
     DEWARPED = "dewarped"
     """The distortion of photographs was removed in the camera."""
     DIGITAL_ZOOM = "digital_zoom"

@@ -97,6 +97,7 @@ def read_header(path: Path) -> Header:
             bands=bands,
             dtype=dataset.dtypes[0],
             masked=is_masked(dataset),
+            pictures=_pictures(path, dataset),
             decoding=_decoding(path, dataset),
             tags={} if damaged else image_tags(path, dataset),
             damaged_tags=damaged,
@@ -247,6 +248,21 @@ def _largest_page(dataset: rasterio.DatasetReader) -> rasterio.DatasetReader:
         largest = largest if smaller is page else page
         smaller.close()
     return largest
+
+
+def _pictures(path: Path, dataset: rasterio.DatasetReader) -> int:
+    """Pictures of the size of this page that the file holds."""
+    if dataset.driver != "GTiff":
+        return 1
+    count = 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(path.absolute(), driver="GTiff") as first:
+            names = first.subdatasets[:_PAGES]
+        for name in names:
+            with rasterio.open(name, driver="GTiff") as page:
+                count += page.shape == dataset.shape
+    return max(count, 1)
 
 
 def _decoding(path: Path, dataset: rasterio.DatasetReader) -> Decoding:

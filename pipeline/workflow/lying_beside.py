@@ -19,7 +19,7 @@ from orthomill.schemas.maps.system_names import known_crs
 from orthomill.schemas.survey_files.control_recognition import control_in
 from orthomill.schemas.survey_files.foreign_kinds import text_kind
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
-from orthomill.schemas.survey_files.recognition import positions_in
+from orthomill.schemas.survey_files.recognition import positions_in, words_that_name
 from orthomill.schemas.survey_files.text_encoding import decoded
 
 CAMERA_KEYS = {"name", "width", "height", "c"}
@@ -28,6 +28,8 @@ LARGEST = 20_000_000
 _SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json"})
 _FOREIGN = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
 """of files that may hold control or positions, which are told what they are"""
+_NAMED, _LONGEST_LIST = 2, 100_000
+"""photographs that a text has to name to be told, and lines of the longest such list"""
 _BY_NAME = re.compile(r"gcp|control[ _-]?point|ground[ _-]?control|passpunkt|geotag|geoloc|ppk", re.IGNORECASE)
 
 
@@ -127,12 +129,19 @@ def _read(files: list[Path], root: Path) -> tuple[list[ListText], list[str]]:
 
 
 def _meant(texts: list[ListText], names: PhotographNames) -> list[str]:
-    """Sentences about files that are control or positions by their names only."""
-    return [
-        f"{one.path} is control or positions by its name, but follows no format that is known: it is not used."
-        for one in texts
-        if _BY_NAME.search(one.name) and not control_in(one.text, names) and not positions_in(one.text, names)
-    ]
+    """Sentences about files that are control or positions by their names only, or that name photographs."""
+    told = []
+    for one in texts:
+        if control_in(one.text, names) or positions_in(one.text, names):
+            continue
+        if _BY_NAME.search(one.name):
+            told.append(f"{one.path} is control or positions by its name, but follows no format that is known: it is not used.")
+        elif (named := words_that_name(one.text, names)) >= _NAMED and one.text.count("\n") < _LONGEST_LIST:
+            told.append(
+                f"{one.path} names {named} of the photographs, but follows no format that is known: it is not used. If it holds "
+                "positions, name its columns photo, x, y, z (docs/guide.md)."
+            )
+    return told
 
 
 def _camera(places: list[Path], root: Path, sizes: set[tuple[int, int]]) -> str | None:

@@ -15,6 +15,7 @@ from textwrap import wrap
 from pyproj.exceptions import CRSError
 
 from orthomill.pipeline.storage.file_names import shown
+from orthomill.pipeline.workflow.camera_tags import camera_name
 from orthomill.pipeline.workflow.field_words import bounds, sentence, type_words, unit, variants
 from orthomill.pipeline.workflow.photograph_survey import Survey, survey_photographs
 from orthomill.pipeline.workflow.workflow_checks import kind_of, unfit_map
@@ -27,6 +28,8 @@ from orthomill.schemas.stage_contract import Stage
 
 SETTINGS_SHOWN = 4
 """settings of a stage that a starting workflow shows; docs/settings.md has all"""
+_STRANGERS = 3
+"""photographs of a camera of their own that are named"""
 _WIDTH = 120
 """characters of a line of comments"""
 _ELLIPSOIDAL = "+4979"
@@ -270,6 +273,13 @@ def _stage(stage: type[Stage]) -> Iterator[str]:
             yield f"    {name}:  # to be filled in: {sentence(field)}"
 
 
+def _fewest(survey: Survey) -> str:
+    """The photographs of the cameras that have few of them, which may be of something else."""
+    few = {camera for camera, count in survey.cameras.items() if count <= _STRANGERS < survey.cameras.most_common(1)[0][1]}
+    names = [Path(header.path).name for header in survey.headers if camera_name(header) in few]
+    return f" ({', '.join(names)} of another than most)" if 0 < len(names) <= _STRANGERS else ""
+
+
 def _notes(survey: Survey, crs: str | None) -> Iterator[str]:
     beside = survey.beside
     for path, use, form in (
@@ -304,4 +314,7 @@ def _notes(survey: Survey, crs: str | None) -> Iterator[str]:
             "the ground. Give control points or a positions file, and their CRS, if these matter."
         )
     if len(survey.cameras) > 1:
-        yield f"The photographs come from {len(survey.cameras)} cameras or image sizes; check that none is included by mistake."
+        yield (
+            f"The photographs come from {len(survey.cameras)} cameras or image sizes{_fewest(survey)}; check that none is included "
+            "by mistake."
+        )

@@ -91,9 +91,9 @@ class TiltUnobserved(SpokenFinding):
 
     @classmethod
     def of_many(cls, found: Sequence[Self]) -> str:
-        # The group whose tilt is known worst stands for all: each is held by its found positions.
+        # The group whose tilt is known worst stands for all: each is held by its own positions.
         worst = max(found, key=lambda finding: (finding.sigma_deg, finding.tilt_sigma_deg or float("inf")))
-        return f"In {len(found)} groups of photographs, each with a datum of its found, at worst: {worst.sentence}"
+        return f"In {len(found)} groups of photographs, each with a datum of its own, at worst: {worst.sentence}"
 
 
 class ControlOnALine(SpokenFinding):
@@ -227,7 +227,7 @@ class BlockSeparate(SpokenFinding):
     @property
     def sentence(self) -> str:
         return (
-            f"{', '.join(self.photos)} form a separate group which neither tie points nor positions or control connect to the "
-            "block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project of "
-            "their own, or give positions or control that place it."
+            f"{', '.join(self.photos)} form a separate group which neither tie points nor positions or control connect surely to "
+            "the block; it is kept as a free block of its own and takes no part in later stages. Run its photographs as a project "
+            "of their own, or give positions or control that place it."
         )

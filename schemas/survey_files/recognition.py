@@ -18,6 +18,8 @@ SOLUTION_LINE = re.compile(r"^\s*\d{4}[/-]\d\d[/-]\d\d[\s,;]+\d\d:\d\d:\d\d(\.\d
 """an epoch of RTKLIB: day, time, and five numbers or more"""
 _MARK = re.compile(r"([-+]?\d+\.\d+)\s*,\s*Lat\s+([-+]?\d+\.\d+)\s*,\s*Lon\s+[-+]?[\d.]+\s*,\s*Ellh")
 _SYSTEMS = ("EPSG:", "+PROJ", "WGS84", "WGS 84", "PROJCS[", "PROJCRS[", "GEOGCS[", "COMPD_CS[", "ETRS89", "NAD83")
+_LOOKED_AT = 2000
+"""lines of a text in which names of photographs are looked for"""
 _LEAST_NAMED = 0.5
 """of the photographs that a file must name to be theirs"""
 
@@ -108,7 +110,9 @@ def _table_of_positions(lines: Lines, data: list[str], names: PhotographNames) -
         # A list of points has the same columns; it names no photographs, of this flight or another.
         if "photo" in has or any(names.find(word) or is_image_word(word) for word in words):
             x, y = has.index(place[0]), has.index(place[1])
-            site = _site([rows[0][x], rows[0][y]], False, sign) if place[0] == "lon" and rows and len(rows[0]) > max(x, y) else None
+            # Metashape names its columns X/Longitude, whichever they hold.
+            degrees = place[0] == "lon" or "lon" in head.names[x].lower()
+            site = _site([rows[0][x], rows[0][y]], False, sign) if degrees and rows and len(rows[0]) > max(x, y) else None
             return FoundPositions("table with named columns", len(words), count_named(words, names), stated_in(lines), site)
     return _headless_positions(data, names)
 
@@ -138,7 +142,17 @@ def _site(words: list[str], latitude_first: bool, sign: Separation | None = None
     if len(values) < 2 or values[0] is None or values[1] is None:
         return None
     longitude, latitude = (values[1], values[0]) if latitude_first else (values[0], values[1])
+    if abs(latitude) > 90.0 >= abs(longitude):
+        # Exchanged, as the reader of the file finds as well.
+        longitude, latitude = latitude, longitude
     return (longitude, latitude) if abs(longitude) <= 180.0 and abs(latitude) <= 90.0 else None
+
+
+def words_that_name(text: str, names: PhotographNames) -> int:
+    """How many of the project's photographs a text names, whatever its format."""
+    lines = [line for _, line in lines_of(text).others][:_LOOKED_AT]
+    sign = separation(lines)
+    return count_named([cell for line in lines for cell in sign.cells(line)], names)
 
 
 def count_named(words: list[str], names: PhotographNames) -> int:

@@ -37,7 +37,7 @@ from orthomill.tasks.photos.tags.flights import with_flights
 from orthomill.tasks.photos.tags.heights import height_of, with_one_sign
 from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_calibrations, with_serials, zoom_of
 from orthomill.tasks.photos.tags.places import place_of
-from orthomill.tasks.photos.tags.remarks import tag_remarks
+from orthomill.tasks.photos.tags.remarks import SAME_SHAPE, file_remarks, tag_remarks
 from orthomill.tasks.photos.tags.times import with_one_clock
 
 _DIGITAL = Digital(kind="digital")
@@ -46,10 +46,10 @@ _KM_PER_DEGREE = 111.2  # of a meridian; enough to tell kilometres from continen
 # Both are needed: a block of a few hectares has a median distance of metres, a country-wide one of hundreds of kilometres.
 # Photographs whose neighbours are within 50 m do not overlap with one a kilometre away.
 _STRAY_KM, _STRAY_SHARE = 1.0, 20.0
-# m: photographs that are farther than this from all others show other ground, from whatever height they were taken: one for mapping
-# from an airliner is 20 km wide.
-_APART = 50_000.0
-_SAME_SHAPE = 0.01  # part by which the sides of a reduced photograph may be reduced differently: they are rounded to pixels
+# Photographs that are farther than so many median distances between neighbours from all others show other ground, from whatever
+# height they were taken; between a flight of metres and one for mapping from an airliner, whose frames are 20 km wide (m).
+_APART_BASES, _APART = 20.0, (1_000.0, 50_000.0)
+_SAMPLE = 200  # photographs by which the distance between neighbours is known well enough
 _FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 
@@ -134,7 +134,7 @@ def _written(header: Header) -> tuple[float, float] | None:
     if width is None or height is None:
         return None
     along, across = width / header.width, height / header.height
-    return None if along <= 1.0 or abs(across / along - 1.0) > _SAME_SHAPE else (width, height)
+    return None if along <= 1.0 or abs(across / along - 1.0) > SAME_SHAPE else (width, height)
 
 
 def _frame(header: Header) -> PictureFrame:
@@ -175,7 +175,7 @@ def index_photos(
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
     photos = found.photos
     refuse_unfit_map(photos, crs)
-    remarks += [*found.remarks, *_far_apart(photos), *tag_remarks(headers, photos, positions)]
+    remarks += [*found.remarks, *_far_apart(photos), *tag_remarks(headers, photos, positions), *file_remarks(headers)]
     fitted = _fitted(photos, coordinates, scan_texts)
     framed = [one.photo for one in fitted] or photos
     # The frame of a scan differs in size from its file, so the number of pyramid levels is counted again.
@@ -272,17 +272,22 @@ def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]
     strays = {tagged[i].name: float(km[i]) for i in np.flatnonzero(far)} if 2 * far.sum() < len(tagged) else {}
     nowhere = {"longitude": None, "latitude": None}
     kept = [photo.model_copy(update=nowhere) if photo.name in strays else photo for photo in photos]
-    return kept, [
-        PhotoRemark(code=PhotoRemarkCode.STRAY_POSITION, photos=(name,), distance_km=distance) for name, distance in strays.items()
-    ]
+    return kept, (
+        [PhotoRemark(code=PhotoRemarkCode.STRAY_POSITION, photos=tuple(strays), distance_km=min(strays.values()))] if strays else []
+    )
 
 
 def _far_apart(photos: list[Photo]) -> list[PhotoRemark]:
     """A remark about the photographs that lie too far from most others to be one block with them."""
     placed = [photo for photo in photos if photo.position is not None]
     xy = np.array([photo.position[:2] for photo in placed if photo.position]).reshape(-1, 2)
-    group = _groups(np.floor(xy / _APART).astype(np.int64))
-    others = np.flatnonzero(group != np.bincount(group).argmax()) if len(placed) else group
+    if len(placed) < 2:
+        return []
+    some = xy[:: max(len(xy) // _SAMPLE, 1)]
+    bases = [np.partition(np.linalg.norm(xy - place, axis=1), 1)[1] for place in some]
+    apart = float(np.clip(_APART_BASES * np.median(bases), *_APART))
+    group = _groups(np.floor(xy / apart).astype(np.int64))
+    others = np.flatnonzero(group != np.bincount(group).argmax())
     if not len(others):
         return []
     main = np.delete(xy, others, axis=0)

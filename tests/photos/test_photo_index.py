@@ -258,6 +258,30 @@ def test_of_two_camps_of_positions_none_is_a_stray():
     assert apart.distance_km == pytest.approx(110.0, abs=1.5)
 
 
+def test_two_sites_in_a_folder_are_told_and_strays_of_one_place_in_one_sentence():
+    def at(name, minute):
+        return header(name, tags={**DRONE, "GPSLatitude": f"(46) (50) ({minute})"})
+
+    here, there = [at(f"a{i}.jpg", 0.3 * i) for i in range(6)], [at(f"b{i}.jpg", 120 + 0.3 * i) for i in range(6)]
+    (apart,) = photos_of((*here, *there), "EPSG:26915", EXIF_POSITIONS, LIMITS).remarks
+    assert apart.code is PhotoRemarkCode.POSITIONS_FAR_APART and len(apart.photos) == 6
+    assert "lie 4 km or more from all others, too far for one block" in remark_sentence(apart)
+    (strays,) = photos_of((*here, *there[:2]), "EPSG:26915", EXIF_POSITIONS, LIMITS).remarks
+    assert strays.code is PhotoRemarkCode.STRAY_POSITION and "The GPS tags of 2 photographs (b0, b1)" in remark_sentence(strays)
+
+
+def test_files_that_were_cut_and_tags_without_a_hemisphere_are_told():
+    size = {"PixelXDimension": "4000", "PixelYDimension": "2250"}
+    cut = header("cut.jpg", width=800, height=500, tags={**DRONE, **size})
+    turned = header("turned.jpg", width=450, height=800, tags={**DRONE, **size})
+    open_ = header("open.jpg", tags={name: value for name, value in DRONE.items() if name != "GPSLongitudeRef"})
+    photos = photos_of((cut, turned, open_), "EPSG:26915", NoPositions(kind="none"), LIMITS)
+    said = {remark.code: remark for remark in photos.remarks}
+    assert said[PhotoRemarkCode.CUT].photos == ("cut",) and "of 4000 x 2250 px before" in remark_sentence(said[PhotoRemarkCode.CUT])
+    assert said[PhotoRemarkCode.NO_HEMISPHERE].photos == ("open",)
+    assert "do not say whether they are east or west: east" in remark_sentence(said[PhotoRemarkCode.NO_HEMISPHERE])
+
+
 def test_photographs_of_one_large_block_are_not_far_apart():
     rows = "".join(f"p{i},{500000 + 40000 * i},{4400000},9000,1,1,1\n" for i in range(20))
     text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n" + rows

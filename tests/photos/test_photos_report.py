@@ -94,12 +94,13 @@ def test_every_remark_becomes_one_warning():
     )
     warnings = report_of(*PLACED, remarks=remarks).warnings
     assert len(warnings) == len(set(warnings)) == len(PhotoRemarkCode)
-    duplicate, stray, broken, damaged, no_altitude, absent, apart, bands, thermal, panorama, rotated = warnings[:11]
+    duplicate, stray, unusable, broken, damaged, no_altitude, absent, apart, bands, thermal, panorama, rotated = warnings[:12]
     assert bands.startswith("2 files of other bands set aside (Red; x/a.jpg, y/a.png): the block is made of the band Green.")
     assert "colours of their pictures are used" in thermal and panorama.startswith("2 files set aside: x/a.jpg, y/a.png, panoramas")
     assert absent.endswith("which are skipped: x/a.jpg, y/a.png.") and "lie 77 km or more from all others" in apart
     assert duplicate.startswith("x/a.jpg and y/a.png have the same name a,") and "rename" in duplicate
-    assert "lies 77 km" in stray and rotated.startswith("x/a.jpg, y/a.png: ")
+    assert unusable == "2 files set aside: x/a.jpg Red, y/a.png Green."
+    assert "lie 77 km or more from the others" in stray and rotated.startswith("x/a.jpg, y/a.png: ")
     assert broken == "2 files set aside: x/a.jpg is Red, y/a.png is Green. Copy them again from the camera."
     assert "EXIF tags are damaged" in damaged and "no possible altitude" in no_altitude
 

@@ -59,7 +59,14 @@ from orthomill.tasks.orientation.sources.elevation_model import Elevation, Eleva
 from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, own_constants, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, datum_sentence, given_up
+from orthomill.tasks.orientation.start.georeference import (
+    Datum,
+    choose_datum,
+    datum_sentence,
+    free_of_its_place,
+    given_up,
+    looks_elsewhere,
+)
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 ENOUGH_CONTROL = 3
@@ -271,6 +278,7 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
     starts, unoriented = blocks
     have, counted = _without_miscounted(have, starts[0])
     parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
+    parts = [parts[0], *(_without_doubtful_place(part, parts[0]) for part in parts[1:])]
     # Free groups cannot share a system with others; without any datum the largest one is the block.
     joined = [part for part in parts if not part.datum.free] or parts[:1]
     results, weak = _adjusted(have, joined)
@@ -278,6 +286,13 @@ def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Orien
     left = (*weak, *(photo for _, photos in others for photo in photos))
     results = replace(results, findings=(*counted, *results.findings))
     return _Oriented(results, tuple(one for one, _ in others), (*left, *unoriented), have.control)
+
+
+def _without_doubtful_place(part: Part, block: Part) -> Part:
+    """A group of photographs as a free block, where only an assumption places it and the block contradicts that."""
+    if not looks_elsewhere(part.model, part.datum, block.model, block.datum):
+        return part
+    return replace(part, datum=free_of_its_place(part.model, part.known))
 
 
 def _without_miscounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[BlockFinding, ...]]:
@@ -374,13 +389,14 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     network, state, good = starting_values(have.material, problem, parts, datum, vertical_sigma(choices, have.photos))
     shifted = common_shift(network.photos) if choices.gnss_shift == "constant" else NOT_SHIFTED
     network = network.with_antenna(choices.lever_arm, lever_sigma(choices, problem.known), shifted, receivers)
+    state = state.with_antenna(network)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))
         network = replace(network, variation=variation_of(choices.variation, motion))
     rays, test = problem.rays.take(good), BlunderTest(limit=choices.rejection)
     # Before the adjustment: undetermined parameters would make its normal equations singular.
     network, findings = determined(determinable_without_control(network, state, rays), state, rays, problem.camera_names)
-    start = AdjustmentStart(network, state.with_antenna(network), rays, test, choices.interior)
+    start = AdjustmentStart(network, state, rays, test, choices.interior)
     try:
         found = explained(start, have.photos, problem, datum, choices.gnss_shift, have.model(datum))
         # Positions that offsets bring into agreement take part again.

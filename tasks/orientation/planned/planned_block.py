@@ -74,13 +74,15 @@ class PlannedBlock:
 def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
     """The block of the photographs with a position; None for fewer than two places in plan, and where a
     flying height neither is known nor can be guessed."""
-    placed = in_time([photo for photo in photos.photos if photo.position is not None and photo.position_sigma is not None])
+    known = in_time([photo for photo in photos.photos if photo.position is not None and photo.position_sigma is not None])
+    # Copies under another name have no base with what they are copies of.
+    placed = list({(photo.position, photo.time): photo for photo in reversed(known)}.values())[::-1]
     if len({photo.position[:2] for photo in placed if photo.position}) < 2:
         return None
     position = np.array([photo.position for photo in placed], float)
     names = tuple(dict.fromkeys(cameras.of_photo[photo.name] for photo in placed))
     origin = np.round(np.median(position, axis=0))
-    known = PlannedBlock(
+    block = PlannedBlock(
         centre=position - origin,
         rotation=_rotations(placed, position),
         looks=np.array([photo.attitude is not None for photo in placed]),
@@ -93,9 +95,9 @@ def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
         ground=0.0,
         height_from="overlap",
     )
-    block = _above_ground(known, placed)
+    above = _above_ground(block, placed)
     # Photographs from a drone that hovers have no base.
-    return block if block is not None and _extent(block) > ONE_PLACE * block.height else None
+    return above if above is not None and _extent(above) > ONE_PLACE * above.height else None
 
 
 def _extent(block: PlannedBlock) -> float:

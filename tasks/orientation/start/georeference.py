@@ -48,6 +48,8 @@ UPWARD = 0.5
 FAR = 5.0
 """Known points whose residual from the consensus exceeds so many tolerances are set aside; nearer ones the blunder test
 examines."""
+ELSEWHERE = 45.0
+"""degrees between the mean axes of two groups of one flight: no assumption about the tilt holds for both"""
 WORST = 3
 """Observations that are named where a block could not be adjusted with them."""
 ONE_SIDED = 0.1
@@ -194,6 +196,21 @@ def given_up(model: State, known: Known, datum: Datum, photos: tuple[str, ...], 
     worst = tuple(names[i] for i in np.argsort(-sizes, kind="stable")[:WORST] if sizes[i] > 0)
     free = _free(model, known, None)
     return replace(free, findings=(*free.findings, DatumGivenUp(worst=worst)))
+
+
+def looks_elsewhere(model: State, datum: Datum, block: State, of_block: Datum) -> bool:
+    """Whether photographs whose tilt only an assumption gives look elsewhere than those of the `block`, so that nothing tells
+    their tilt: two photographs that wrong matches joined turn to any side about the line of their positions."""
+    if datum.free or of_block.free or datum.basis not in ("down", "level"):
+        return False
+    axes = [(-one.rotation[:, 2]).mean(axis=0) @ own.similarity.rotation.T for one, own in ((model, datum), (block, of_block))]
+    cosine = axes[0] @ axes[1] / max(float(np.prod([np.linalg.norm(axis) for axis in axes])), 1e-12)
+    return bool(cosine < np.cos(np.radians(ELSEWHERE)))
+
+
+def free_of_its_place(model: State, known: Known) -> Datum:
+    """The datum of photographs whose positions do not place them: a free network."""
+    return _free(model, known, None)
 
 
 def _placed_datum(

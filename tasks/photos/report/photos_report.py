@@ -27,6 +27,8 @@ _GRAVE = (
     PhotoRemarkCode.UNUSABLE_FILE,
     PhotoRemarkCode.DAMAGED_PICTURE,
     PhotoRemarkCode.NO_ALTITUDE,
+    PhotoRemarkCode.NO_HEMISPHERE,
+    PhotoRemarkCode.CUT,
     PhotoRemarkCode.DAMAGED_TAGS,
 )
 # These say themselves that there are several cameras.
@@ -69,6 +71,15 @@ _SENTENCES = {
         "The tags of {count} hold the factory's calibration of the camera: the adjustment starts from it, and may move it."
     ),
     PhotoRemarkCode.MASKED: "What the alpha channel or mask of {count} ({names}) marks as transparent is not used.",
+    PhotoRemarkCode.CUT: (
+        "Cut after they were taken: {count} ({names}), by the tags of {words} before. The focal length no longer tells the camera "
+        "constant, nor where the principal point is: use the files as the camera wrote them, or give the camera."
+    ),
+    PhotoRemarkCode.NO_HEMISPHERE: (
+        "The GPS tags of {count} ({names}) do not say whether they are {words}: east and north were taken. If that is wrong, give "
+        "the positions in a file."
+    ),
+    PhotoRemarkCode.SEVERAL_PICTURES: ("Only the first picture is used of files that hold {words} of one size: {count} ({names})."),
     PhotoRemarkCode.DEWARPED: "The lens distortion of {count} was removed in the camera.",
     PhotoRemarkCode.DIGITAL_ZOOM: (
         "{count} ({names}) were enlarged in the camera by digital zoom ({words} times) and have a camera of their own."
@@ -113,6 +124,11 @@ def remark_sentence(remark: PhotoRemark) -> str:
     if remark.code is PhotoRemarkCode.DUPLICATE_NAME:
         return _same_names(remark.photos)
     if remark.code is PhotoRemarkCode.STRAY_POSITION:
+        if len(remark.photos) > 1:
+            return (
+                f"The GPS tags of {_count(remark.photos)} ({some_of(remark.photos)}) lie {remark.distance_km or 0.0:.0f} km or "
+                "more from the others and are not used; the photographs themselves are. Leave them out if they show another place."
+            )
         return (
             f"The GPS tag of {remark.photos[0]} lies {remark.distance_km or 0.0:.0f} km from the other photographs and is not "
             "used; the photograph itself is."

@@ -1,16 +1,20 @@
 """What is said of the tags of a block: one remark of a kind, whatever the number of photographs."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import PurePath
 
-from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode
+from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, tag_text
 from orthomill.schemas.project import Positions
+from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.fixes import BY_CODE, position_sigma
 from orthomill.tasks.photos.tags.heights import height_of
 from orthomill.tasks.photos.tags.instruments import several_serials
 
 _FOUND = {"fixed": "fixed", "float": "float", "single": "without corrections", "none": "without RTK", None: "of unknown precision"}
 _STATED = "of stated accuracy"
+SAME_SHAPE = 0.01
+"""Part by which the sides of a reduced photograph may be reduced differently: they are rounded to pixels."""
 
 
 def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Positions) -> Iterator[PhotoRemark]:
@@ -28,6 +32,46 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
     yield from _of(PhotoRemarkCode.DIGITAL_ZOOM, zoomed, (f"{zoom:g}" for zoom in zooms[:4]))
     if serials := several_serials(photos):
         yield PhotoRemark(code=PhotoRemarkCode.SEVERAL_SERIALS, photos=serials)
+
+
+def file_remarks(headers: tuple[Header, ...]) -> Iterator[PhotoRemark]:
+    """Remarks about files that hold something else than their tags say, or tags that do not say all."""
+    cut = {header.path: size for header in headers if (size := _size_before_cut(header))}
+    if cut:
+        sizes = dict.fromkeys(f"{width} x {height} px" for width, height in cut.values())
+        yield PhotoRemark(code=PhotoRemarkCode.CUT, photos=_stems(cut), words=tuple(sizes))
+    lacking = {header.path: words for header in headers if (words := _lacking_hemispheres(header.tags))}
+    if lacking:
+        both = dict.fromkeys(word for own in lacking.values() for word in own)
+        yield PhotoRemark(code=PhotoRemarkCode.NO_HEMISPHERE, photos=_stems(lacking), words=tuple(both))
+    if several := {header.path: header.pictures for header in headers if header.pictures > 1}:
+        counts = sorted(set(several.values()))
+        yield PhotoRemark(code=PhotoRemarkCode.SEVERAL_PICTURES, photos=_stems(several), words=tuple(map(str, counts)))
+
+
+def _stems(paths: Iterable[str]) -> tuple[str, ...]:
+    return tuple(PurePath(path).stem for path in paths)
+
+
+def _size_before_cut(header: Header) -> tuple[int, int] | None:
+    """Width and height by the tags, where those of the file have another ratio and are smaller; turned files are not cut."""
+    width, height = exif.positive(header.tags, "PixelXDimension"), exif.positive(header.tags, "PixelYDimension")
+    if width is None or height is None:
+        return None
+    short, long = sorted((header.width, header.height))
+    shorter, longer = sorted((width, height))
+    same = abs((longer / shorter) / (long / short) - 1.0) <= SAME_SHAPE
+    # Tags of a preview, or of a part that was joined with others to a larger picture, tell nothing of this one.
+    return None if same or longer < long or shorter < short else (round(width), round(height))
+
+
+def _lacking_hemispheres(tags: Mapping[str, str]) -> tuple[str, ...]:
+    """Which directions the GPS tags leave open, where they hold a place by unsigned numbers."""
+    place = exif.longitude_latitude(tags)
+    if place is None:
+        return ()
+    pairs = (("GPSLongitude", "east or west", place[0]), ("GPSLatitude", "north or south", place[1]))
+    return tuple(words for name, words, value in pairs if value > 0 and not tag_text(tags, f"{name}Ref"))
 
 
 def _precision(photos: list[Photo], tags: dict[str, dict[str, str]], own: bool) -> Iterator[PhotoRemark]:

@@ -12,7 +12,7 @@ from orthomill.tasks.adjustment.model.network import Interior, Rays, State
 from orthomill.tasks.orientation.block.assembly import Part, problem_of, starting_values, taking_part
 from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import BlockStart
-from orthomill.tasks.orientation.start.georeference import Datum, Known
+from orthomill.tasks.orientation.start.georeference import Datum, Known, looks_elsewhere
 from orthomill.tasks.orientation.start.similarity import Similarity
 
 CAMERA = Camera(name="cam", width=1000, height=1000, c=1000.0)
@@ -49,6 +49,16 @@ def part(photos, known, points, origin=(0.0, 0.0, 0.0), surveyed=0, **changes):
 
 
 SEEN = {0: (0, 1), 1: (0, 1), 2: (0, 1, 3, 4), 3: (3, 4), 4: (3, 4)}
+
+
+def test_a_group_that_an_assumption_places_and_that_looks_elsewhere_than_the_block_has_no_place():
+    block, group = part([0, 1], [0, 1, 2], 5), part([3, 4], [2, 3, 4], 5, basis="down")
+    assert not looks_elsewhere(group.model, group.datum, block.model, block.datum)
+    about_the_line = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    turned = replace(group.datum, similarity=Similarity(1.0, about_the_line, np.zeros(3)))
+    assert looks_elsewhere(group.model, turned, block.model, block.datum)
+    # What positions or attitudes place may look anywhere.
+    assert not looks_elsewhere(group.model, replace(turned, basis=None), block.model, block.datum)
 
 
 @pytest.fixture

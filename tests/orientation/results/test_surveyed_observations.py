@@ -155,6 +155,13 @@ def test_each_of_two_drones_has_a_lever_arm_of_its_own():
     assert np.abs(errors).max() < 4 and max(max(arm.sigma) for arm in arms) < 0.3
 
 
+def test_two_drones_whose_cameras_are_known_from_tags_make_a_block_without_control():
+    block = one_strip(4)
+    photos = tuple(photo.model_copy(update={"serial": f"no{i // 3}"}) for i, photo in enumerate(block.photos.photos))
+    out = orient(replace(block, photos=Photos(photos=photos)))
+    assert len(out["block"].photos) == len(photos)
+
+
 def ends_of(block):
     """The control points farthest apart and the distance between their true places (0.02 m noise on each)."""
     points = [p for p in block.control.points if p.role == "control"]

@@ -124,7 +124,9 @@ def test_the_largest_page_of_a_tiff_is_the_photograph(tmp_path):
     pixels, path = noise(48, 64, 3), tmp_path / "a.tif"
     Image.fromarray(pixels[::4, ::4]).save(path, save_all=True, append_images=[Image.fromarray(pixels)])
     assert (read_header(path).width, read_header(path).height) == (64, 48)
-    assert np.array_equal(read_pixels(path, WHOLE), pixels)
+    assert np.array_equal(read_pixels(path, WHOLE), pixels) and read_header(path).pictures == 1
+    Image.fromarray(pixels).save(path, save_all=True, append_images=[Image.fromarray(pixels)])
+    assert read_header(path).pictures == 2
 
 
 def test_the_orientation_flag_is_not_applied_here(tmp_path):

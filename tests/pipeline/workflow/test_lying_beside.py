@@ -242,6 +242,8 @@ def test_control_is_used_or_named(root, files, used, said):
         ({"geo.txt": "WGS84 UTM 34N\na 340607.7 548220.8 70.8\nb 340617.7 548220.8 70.8\n"}, "site/geo.txt", ""),
         ({"titled.csv": f"Flight 3\n{NAMED}"}, "site/titled.csv", ""),
         ({"plain.csv": "a,52.8,17.1,170\nb,52.8,17.2,170\n"}, "site/plain.csv", ""),
+        ({"bilder.csv": "Bild;Rechtswert;Hochwert;Höhe\na;500,1;600,2;70,5\nb;510,1;600,2;70,5\n"}, "site/bilder.csv", ""),
+        ({"odd.csv": "what;where\na;here\nb;there\n"}, None, "odd.csv names 2 of the photographs, but follows no format"),
     ],
 )
 def test_positions_are_used_or_named(root, files, used, said):
@@ -250,3 +252,9 @@ def test_positions_are_used_or_named(root, files, used, said):
     beside = found(root)
     assert beside.positions == used
     assert re.search(said, " ".join(beside.unused)) if said else beside.unused == (), beside.unused
+
+
+@pytest.mark.parametrize("head", ["photo,longitude,latitude,z", "#Label,X/Longitude,Y/Latitude,Z/Altitude"])
+def test_degrees_in_a_positions_file_tell_the_site_also_where_they_are_exchanged(root, head):
+    (root / "site" / "positions.csv").write_text(f"{head}\na,46.8,-91.9,190\nb,46.9,-91.9,190\n")
+    assert found(root).site == (-91.9, 46.8)
