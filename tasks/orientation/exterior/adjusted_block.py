@@ -40,14 +40,17 @@ from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
-from orthomill.tasks.orientation.block.own_constants import clearly_less, own_constant_findings, with_own_constant
+from orthomill.tasks.orientation.block.image_scales import shown_constants
+from orthomill.tasks.orientation.block.own_constants import OwnConstant, own_constant_findings, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
+from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
 from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
+from orthomill.tasks.orientation.relative.pairs import relate_pairs
 from orthomill.tasks.orientation.results.adjustment_results import block_precision
 from orthomill.tasks.orientation.results.block_results import block_table, ground_points, image_residuals
 from orthomill.tasks.orientation.results.block_tables import BlockTables
@@ -72,9 +75,6 @@ from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_it
 ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
-
-REJECTED = 4.0
-"""Residual, in standard errors of a coordinate, from which on a measurement is as good as rejected where two blocks are compared"""
 
 UNMET = 2
 """Control points whose rays do not meet, by more than a wrong name"""
@@ -152,10 +152,14 @@ def _block_of_sensors(
     )
 
     def with_cameras(others: Cameras) -> _Input:
-        return replace(have, cameras=others, material=_material(photos, others, tie_points, relative, choices, nominal)[0])
+        # A wrong constant turns the base of a pair into the view.
+        again = relate_pairs(photos, others, tie_points, min(pair.matches for pair in relative.pairs))
+        others = others.with_k1(again.start_k1)
+        return replace(have, cameras=others, material=_material(photos, others, tie_points, again, choices, nominal)[0])
 
     try:
-        oriented = _with_own_constants(_with_restart(have, *_given(photos, seen.given)), cameras, with_cameras)
+        first = _with_restart(have, *_given(photos, seen.given))
+        oriented = _with_own_constants(first, cameras, with_cameras, shown_constants(photos, material))
     except GeometryError as error:
         # A distortion that cannot be undone is a likely cause, and there is no report that could name it.
         causes = (finding.sentence for finding in folding_cameras(cameras))
@@ -237,41 +241,26 @@ def _with_restart(have: _Input, given: Given | None, origin: np.ndarray | None) 
         second = _oriented(have, start_with(have.material, constants, given), origin)
     except GeometryError:
         return first
-    return second if _explains_more(second.results, first.results) else first
+    return second if explains_more(second.results, first.results) else first
 
 
-def _with_own_constants(first: _Oriented, cameras: Cameras, with_cameras: Callable[[Cameras], _Input]) -> _Oriented:
+def _with_own_constants(
+    first: _Oriented, cameras: Cameras, with_cameras: Callable[[Cameras], _Input], shown: tuple[OwnConstant, ...]
+) -> _Oriented:
     """The block; started again with cameras of their own for photographs whose camera constant may be another one, where these
-    explain the photographs better."""
-    for own in first.results.zooms:
+    explain the photographs better; or as well as before, where the photographs are `shown` to be larger."""
+    for own in (*shown, *first.results.zooms):
         have = with_cameras(with_own_constant(cameras, own))
         try:
             second = _oriented(have, start_blocks(have.material), None)
         except GeometryError:
             continue
-        unit = min(second.results.result.sigma0_px, first.results.result.sigma0_px)
-        missed, before = (_missed(one.results.result, unit) for one in (second, first))
-        more = len(second.results.problem.names) > len(first.results.problem.names)
-        if more or (_explains_more(second.results, first.results) and clearly_less(missed, before, first.results.result)):
+        better = explains_clearly_more(second.results, first.results)
+        if better or (own in shown and not explains_clearly_more(first.results, second.results)):
             problem, values = second.results.problem, second.results.result.state.interior[:, 0]
             told = own_constant_findings(own, cameras, dict(zip(problem.camera_names, map(float, values), strict=True)))
             return replace(second, results=replace(second.results, findings=(*told, *second.results.findings)))
     return first
-
-
-def _explains_more(second: BlockResults, first: BlockResults) -> bool:
-    """Whether a block explains the photographs better than another: more of them, or the same number with a smaller sum of squares
-    of all residuals, in one unit, each no larger than one that is rejected."""
-    photos, unit = [len(one.problem.names) for one in (second, first)], min(second.result.sigma0_px, first.result.sigma0_px)
-    # Rays that a block does not use are not explained: the number of used ones alone would favour a block that bends to them.
-    missed = [_missed(one.result, unit) for one in (second, first)]
-    return (photos[0], missed[1]) > (photos[1], missed[0])
-
-
-def _missed(result: Adjustment, unit: float) -> float:
-    """The sum of the truncated squares of the residuals in `unit` px, less that of rays that are all rejected."""
-    size = np.linalg.norm(result.residual[result.used], axis=1) / unit
-    return float((np.minimum(size, REJECTED) ** 2 - REJECTED**2).sum())
 
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
