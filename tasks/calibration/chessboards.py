@@ -26,8 +26,9 @@ from orthomill.tasks.calibration.board_tables import (
 from orthomill.tasks.calibration.solving.arranging import arrangement_of, found_boards
 from orthomill.tasks.calibration.solving.calibration_precision import bend_precision, board_precision, photo_precision
 from orthomill.tasks.calibration.solving.initial_constant import ConstantEstimate
+from orthomill.tasks.calibration.solving.lens_doubt import doubted
 from orthomill.tasks.calibration.solving.lens_models import LensModel, model_of, with_affinity
-from orthomill.tasks.calibration.solving.model_choice import EQUAL, HeldOut, choice, compare
+from orthomill.tasks.calibration.solving.model_choice import HeldOut, choice, compare, sensible_corners
 from orthomill.tasks.calibration.solving.solving import CalibrationTarget
 
 
@@ -83,16 +84,12 @@ def calibrate(
     chosen = choice({name: one.check for name, one in judged.items()})
     if model.free is None:
         square = with_affinity(chosen, False)
-        judged |= compare(judged[chosen].result, measured, target, (square,))
-        chosen = square if _as_good(judged[square].check, judged[chosen].check) else chosen
-    result, checks = judged[chosen].result, {name: one.check for name, one in judged.items()}
+        sensible = sensible_corners(one.result for one in judged.values())
+        judged |= compare(judged[chosen].result, measured, target, (square,), sensible)
+        chosen = choice({name: judged[name].check for name in (square, chosen)})
+    result, checks = doubted(judged, chosen), {name: one.check for name, one in judged.items()}
     used = known.start.photo
     return CalibratedBoards(result, replace(known.constant, c1=known.constant.c1[used], c2=known.constant.c2[used]), used, checks)
-
-
-def _as_good(simple: HeldOut | None, other: HeldOut | None) -> bool:
-    """Whether held-out photographs do not need what the simpler model lacks."""
-    return simple is None or other is None or simple.figure <= other.figure / EQUAL
 
 
 def _with_completed(

@@ -75,6 +75,14 @@ class BoardAdjustment:
         """With standard errors `factor` times as large, as corners of one photograph err together."""
         return replace(self, covariance=factor**2 * self.covariance, correlated=factor)
 
+    def with_doubt(self, doubt: np.ndarray) -> "BoardAdjustment":
+        """With another source of error (17, 17) in the covariance of the interior parameters, in the order of PARAMETERS."""
+        columns = self.network.interior_columns
+        known = np.flatnonzero(columns >= 0)
+        covariance = self.covariance.copy()
+        covariance[np.ix_(columns[known], columns[known])] += doubt[np.ix_(known, known)]
+        return replace(self, covariance=covariance)
+
     @property
     def interior_covariance(self) -> np.ndarray:
         """(17, 17) in the order of PARAMETERS; zero rows for fixed parameters."""

@@ -46,8 +46,9 @@ def model_grid(results: CalibrationResults) -> Grid:
         title="Distortion models by held-out photographs",
         columns=("lens", "parameters", "held-out RMS (px)", "of all corners (px)", "compared (px)", ""),
         rows=rows,
-        note="Compared by all corners but those that every model rejects. The largest of Brown's models is used that is as good "
-        "as the best of all, within 0.2 %, else the smallest of the others that is.",
+        note="Compared photograph by photograph, by all corners but those that every model rejects. The simplest model is used "
+        "than which none is better beyond the scatter of its gain; Brown's polynomials count as simplest. By how much the models "
+        "that are as good differ is in the standard errors.",
     )
 
 

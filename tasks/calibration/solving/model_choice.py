@@ -5,9 +5,13 @@ orientation is estimated, interior parameters and places of the boards are those
 parameters shows there, while its own residuals are too small. Models are judged by all corners but those that every one of them
 rejects: a model that cannot follow the lens rejects the corners that show it. The difference between the parameters of the halves,
 compared with its formal standard error, shows the errors that the formal precision does not include.
+
+Parameters cost: a model is as good as the best one where the gain of the latter, photograph by photograph, is not beyond its own
+scatter, and the simplest of these is taken. What the others of these would have given instead is part of the standard errors.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,29 +21,42 @@ from orthomill.tasks.adjustment.boards.board_network import PARAMETERS, BoardCor
 from orthomill.tasks.calibration.solving.lens_models import MODELS, LensModel, in_model
 from orthomill.tasks.calibration.solving.solving import FEWEST_PHOTOS, CalibrationTarget, honest, resected, solve
 
-# Held-out residuals of a model and of the same with a needless parameter differ by chance in about the third digit, as both use the
-# same photographs; a parameter that matters shows in the second.
-EQUAL = 0.998
-"""Models are equally good when the held-out residuals of the best are at least this share of theirs."""
+# One photograph that differs by itself has a gain of one standard error of the mean, whatever its size.
+_BEYOND = 2.0
+"""A gain counts from so many standard errors of its mean over the photographs on."""
+_LEAST = 1e-12
+"""px^2: perfect corners have no logarithm"""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
     """`rms` px, root mean square length of the residual vectors of held-out photographs, for the corners that the adjustment of all
     photographs uses, and `rms_all` for all corners; `difference` (17,) of the parameters of the two halves, second minus first, and
-    its formal standard error `sigma` (17,), in the order of PARAMETERS; `judged` px, the figure by which models are compared: that
-    of the corners that some model uses, by default that of all."""
+    its formal standard error `sigma` (17,), in the order of PARAMETERS; `by_photo` (P,) px^2, by which models are compared: the
+    mean square length in every photograph of the corners that some model uses."""
 
     rms: float
     rms_all: float
     difference: np.ndarray
     sigma: np.ndarray
-    judged: float | None = None
+    by_photo: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def figure(self) -> float:
-        """What models are compared by, px."""
-        return self.rms_all if self.judged is None else self.judged
+        """What models are compared by, px: the geometric mean over the photographs."""
+        return float(np.exp(0.5 * self.logarithms.mean())) if len(self.by_photo) else self.rms_all
+
+    @property
+    def logarithms(self) -> np.ndarray:
+        """(P,) of `by_photo`: a lens that is wrong is worse by a factor, and much in some photographs."""
+        return np.log(np.maximum(self.by_photo, _LEAST))
+
+    def gain_of(self, other: "HeldOut") -> float:
+        """By which factor another model is better, in standard errors of its mean over the photographs."""
+        gain = self.logarithms - other.logarithms
+        scatter = float(gain.std(ddof=1)) / np.sqrt(len(gain)) if len(gain) > 1 else 0.0
+        # Models that differ in nothing have neither gain nor scatter.
+        return float(gain.mean()) / max(scatter, 1e-12)
 
     @property
     def worst(self) -> tuple[str, float]:
@@ -75,8 +92,12 @@ def held_out(result: BoardAdjustment, sensible: np.ndarray | None = None) -> Hel
     difference = solved[1].state.interior - solved[0].state.interior
     square, corner = (np.concatenate(part) for part in zip(*missed, strict=True))
     used, counted = result.used[corner], np.ones(len(corner), bool) if sensible is None else sensible[corner]
-    rms, judged, rms_all = (float(np.sqrt(square[own].mean())) for own in (used, counted, np.ones(len(corner), bool)))
-    return HeldOut(rms, rms_all, difference, np.sqrt(covariance), judged)
+    rms, rms_all = (float(np.sqrt(square[own].mean())) for own in (used, np.ones(len(corner), bool)))
+    photo = result.corners.photo[corner[counted]]
+    number = np.bincount(photo, minlength=photos)
+    # A photograph that shows no board of the other half counts for no model.
+    by_photo = (np.bincount(photo, square[counted], minlength=photos) / np.maximum(number, 1))[number > 0]
+    return HeldOut(rms, rms_all, difference, np.sqrt(covariance), by_photo)
 
 
 def half_of(result: BoardAdjustment, photos: np.ndarray) -> BoardAdjustment:
@@ -117,10 +138,14 @@ def _missed(half: BoardAdjustment, result: BoardAdjustment, photos: np.ndarray) 
 
 
 def compare(
-    start: BoardAdjustment, corners: BoardCorners, target: CalibrationTarget, models: tuple[LensModel, ...]
+    start: BoardAdjustment,
+    corners: BoardCorners,
+    target: CalibrationTarget,
+    models: tuple[LensModel, ...],
+    sensible: np.ndarray | None = None,
 ) -> dict[LensModel, Judged]:
-    """All corners adjusted with every model that they determine, and judged by the corners that any of them uses; `start`: an
-    adjustment with any model. Raises GeometryError when they determine none."""
+    """All corners adjusted with every model that they determine, and judged by the corners `sensible` (M,), by default those that
+    any of them uses; `start`: an adjustment with any model. Raises GeometryError when they determine none."""
     found: dict[LensModel, BoardAdjustment] = {}
     failure: GeometryError | None = None
     for model in models:
@@ -131,21 +156,32 @@ def compare(
             failure = failure or error
     if not found:
         raise failure or GeometryError("No lens model was given.")
-    sensible = np.any([result.used for result in found.values()], axis=0)
+    if sensible is None:
+        sensible = sensible_corners(found.values())
     return {model: Judged(result, held_out(result, sensible)) for model, result in found.items()}
 
 
-def choice(judged: dict[LensModel, HeldOut | None]) -> LensModel:
-    """Of Brown's models the largest that is as good as the best of all, within two thousandths; where none is, the smallest of the
-    others that is; the smallest of all when nothing is known.
+def sensible_corners(results: Iterable[BoardAdjustment]) -> np.ndarray:
+    """(M,): the corners that some of the adjustments uses; what every lens rejects says nothing about lenses."""
+    return np.any([result.used for result in results], axis=0)
 
-    The largest polynomial, as the standard errors do not show the effect of a parameter that was left out, while a needless one
-    only increases those of the others. The smallest of the models for wide lenses, as their needless parameters are free to do
-    anything beyond the corners that were measured.
+
+def as_good(judged: dict[LensModel, HeldOut | None]) -> dict[LensModel, float]:
+    """The models than which none is better beyond the scatter of its gain, the simplest first, and the gain of the best over each
+    in standard errors; none when nothing is known.
+
+    Brown's polynomials come before the models for wide lenses, whose parameters are free to do anything beyond the corners that
+    were measured.
     """
-    known = {model: check.figure for model, check in judged.items() if check is not None}
-    good = [model for model, rms in known.items() if rms <= min(known.values()) / EQUAL]
-    plain = [model for model in good if model.lens == "brown"]
-    if plain:
-        return max(plain, key=lambda model: (len(model.free), list(judged).index(model)))
-    return min(good, key=lambda model: len(model.free)) if good else next(iter(judged), MODELS[0])
+    known = {model: check for model, check in judged.items() if check is not None}
+    if not known:
+        return {}
+    best = min(known.values(), key=lambda check: check.figure)
+    gains = {model: check.gain_of(best) for model, check in known.items()}
+    order = sorted(gains, key=lambda model: (model.lens != "brown", len(model.free), list(gains).index(model)))
+    return {model: gains[model] for model in order if gains[model] <= _BEYOND}
+
+
+def choice(judged: dict[LensModel, HeldOut | None]) -> LensModel:
+    """The simplest model that is as good as the best; the first of all when nothing is known."""
+    return next(iter(as_good(judged)), next(iter(judged), MODELS[0]))

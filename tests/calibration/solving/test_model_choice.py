@@ -1,27 +1,69 @@
-"""Which distortion model is taken, from the residuals of photographs that took no part."""
+"""Which lens model is taken, from the residuals of photographs that took no part, and the doubt that this leaves."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from board_corners import easy_calibration
 
-from orthomill.tasks.calibration.solving.lens_models import MODELS
-from orthomill.tasks.calibration.solving.model_choice import HeldOut, choice
+from orthomill.tasks.calibration.solving.lens_doubt import doubted
+from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, LensModel
+from orthomill.tasks.calibration.solving.model_choice import HeldOut, Judged, as_good, choice
+
+NOTHING = np.zeros(17)
 
 
-def judged(*rms: float | None):
-    none = np.zeros(10)
-    return {model: None if value is None else HeldOut(value, value, none, none) for model, value in zip(MODELS, rms, strict=True)}
+def check(rms: float | None, scatter: float = 0.0) -> HeldOut | None:
+    """A check of twelve photographs; `scatter` px^2 of theirs, the same in all models but for its sign."""
+    if rms is None:
+        return None
+    by_photo = rms**2 + scatter * np.cos(np.arange(12) * np.pi)
+    return HeldOut(rms, rms, NOTHING, NOTHING, by_photo)
+
+
+def judged(*rms: float | None) -> dict[LensModel, HeldOut | None]:
+    # Every model scatters in its own way, so that gains have a scatter.
+    scatter = (0.0, 0.004, -0.004, 0.002)
+    return {model: check(value, own) for model, value, own in zip(MODELS, rms, scatter, strict=True)}
 
 
 @pytest.mark.parametrize(
     ("rms", "model"),
     [
-        ((0.2, 0.2, 0.2, 0.2), 3),
-        ((0.2, 0.1501, 0.21, 0.15), 3),
-        ((0.2, 0.15, 0.21, 0.152), 1),
+        ((0.2, 0.2, 0.2, 0.2), 0),
+        ((0.2, 0.1501, 0.21, 0.15), 1),
+        ((0.2, 0.152, 0.21, 0.15), 1),
+        ((0.2, 0.19, 0.21, 0.15), 3),
         ((0.5, 0.9, 1.2, 1.5), 0),
         ((0.2, None, 0.15, None), 2),
         ((None, None, None, None), 0),
     ],
 )
-def test_the_largest_of_equally_good_models_is_taken(rms, model):
+def test_the_simplest_model_is_taken_than_which_none_is_better_beyond_its_scatter(rms, model):
     assert choice(judged(*rms)) == MODELS[model]
+
+
+def test_one_photograph_decides_nothing():
+    plain = check(0.2)
+    gain = replace(plain, by_photo=plain.by_photo - 0.03 * (np.arange(12) == 4))
+    assert choice({MODELS[0]: plain, MODELS[3]: gain}) == MODELS[0]
+    assert choice({MODELS[0]: plain, MODELS[3]: check(0.1)}) == MODELS[3]
+
+
+def test_sixteen_parameters_for_a_hundredth_are_not_taken():
+    wide = WIDE_MODELS[3]
+    found = {MODELS[0]: check(0.206, 0.01), wide: check(0.203, -0.01)}
+    assert choice(found) == MODELS[0] and as_good(found)[wide] == 0.0
+
+
+def test_what_other_models_would_have_given_is_in_the_standard_errors():
+    _, result = easy_calibration()
+    other = replace(result, state=result.state.with_interior(c=float(result.state.interior[0]) + 12.0))
+    chosen, wide = LensModel("brown", result.network.free), LensModel("fisheye", ("c", "x0", "y0", "k1"))
+    alone = doubted({chosen: Judged(result, check(0.2))}, chosen)
+    assert np.array_equal(alone.covariance, result.covariance)
+    both = doubted({chosen: Judged(result, check(0.2)), wide: Judged(other, check(0.2))}, chosen)
+    assert both.interior_covariance[0, 0] == pytest.approx(result.interior_covariance[0, 0] + 0.5 * 12.0**2)
+    worse = doubted({chosen: Judged(result, check(0.2, 0.001)), wide: Judged(other, check(0.5))}, chosen)
+    assert np.array_equal(worse.covariance, result.covariance), "a model that does not keep up leaves no doubt"
+    assert doubted({chosen: Judged(result, None)}, chosen).sigma0 == result.sigma0

@@ -73,15 +73,16 @@ def test_a_stated_lens_or_stated_parameters_limit_the_choice():
 
 
 def with_checks(*figures: float) -> dict[LensModel, HeldOut | None]:
-    none = np.zeros(17)
-    models = (MODELS[0], MODELS[3], *WIDE_MODELS[:3])
-    return {model: HeldOut(0.1, value, none, none) for model, value in zip(models, figures, strict=True)}
+    none, models = np.zeros(17), (MODELS[0], MODELS[3], *WIDE_MODELS[:3])
+    # Photographs differ from model to model by 2 % of a hundredth px^2.
+    noise = 1e-4 * np.random.default_rng(2).standard_normal((5, 16))
+    return {model: HeldOut(0.1, v, none, none, v**2 + own) for model, v, own in zip(models, figures, noise, strict=True)}
 
 
 @pytest.mark.parametrize(
     ("figures", "lens", "free"),
     [
-        ((1.0, 1.001, 1.0, 1.0, 1.0), "brown", 8),
+        ((1.0, 1.00001, 1.0, 1.0, 1.0), "brown", 5),
         ((5.0, 4.0, 0.3, 0.3, 0.3), "division", 4),
         ((5.0, 4.0, 0.4, 0.3, 0.29), "rational", 11),
     ],
