@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from orthomill.schemas.job import Job
-from orthomill.schemas.project_paths import ProjectMap
+from orthomill.schemas.project_paths import ProjectMap, ProjectPath
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -19,13 +19,22 @@ class TruthReference(Settings):
 
 
 class FileReference(Settings):
-    """Georeferenced raster files from another source."""
+    """Georeferenced raster files or points from another source."""
 
     kind: Literal["file"]
     dsm: ProjectMap | None = setting(None, "Raster file with heights, relative to the project's root.")
     ortho: ProjectMap | None = setting(None, "RGB raster file, relative to the project's root.")
+    points: ProjectPath | None = setting(
+        None,
+        "Points of known height in the project's system: a table with x, y, z and, where it is known, sigma_z (CSV, text), or a "
+        "point cloud (LAZ, LAS, PLY), relative to the project's root.",
+    )
     sigma: float = setting(
-        0.0, "Standard error of the reference's heights: shares within standard errors are those of the differences.", "m", ge=0
+        0.0,
+        "Standard error of the reference's heights, of points where their file states none: shares within standard errors are "
+        "those of the differences.",
+        "m",
+        ge=0,
     )
 
 

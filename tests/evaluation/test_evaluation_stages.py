@@ -15,6 +15,7 @@ from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.project import Project
+from orthomill.schemas.raster import Window
 from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import ORTHO as ORTHO_RASTER
 from orthomill.schemas.surface import Provenance
@@ -128,11 +129,16 @@ def write(path: Path, grid, bands: np.ndarray) -> None:
 def test_files_as_reference(tmp_path):
     write(tmp_path / "reference/dsm.tif", DSM, (heights() - 0.25)[None])
     write(tmp_path / "reference/ortho.tif", ORTHO, np.moveaxis(np.rint(true_ortho()).astype(np.uint8), -1, 0))
-    reference = {"kind": "file", "dsm": "reference/dsm.tif", "ortho": "reference/ortho.tif"}
+    x, y = np.meshgrid(*DSM.centres(Window(0, 0, *DSM.shape)))
+    rows = [f"{a},{b},{c - 0.25},0.1" for a, b, c in zip(x[::7, ::7].flat, y[::7, ::7].flat, heights()[::7, ::7].flat, strict=True)]
+    (tmp_path / "reference/points.csv").write_text("\n".join(["x,y,z,sigma_z", *rows]))
+    files = {"dsm": "reference/dsm.tif", "ortho": "reference/ortho.tif", "points": "reference/points.csv"}
+    reference = {"kind": "file", **files}
     run(tmp_path, *GIVEN[1:], TextureStage(), EvaluationStage(reference=reference))
     f = figures(tmp_path, "evaluation")
     assert f["dsm_bias"] == pytest.approx(0.25, abs=0.01) and f["dsm_nmad"] == pytest.approx(0.1, abs=0.01)
     assert f["ortho_psnr"] > 40 and "ortho_doubled_share" not in f and "photos_compared" not in f
+    assert f["points_compared"] > 200 and f["points_bias"] == pytest.approx(0.25, abs=0.03)
 
 
 def test_nothing_to_compare_with_is_said(tmp_path):

@@ -18,6 +18,7 @@ from orthomill.tasks.evaluation.plan.ground_comparison_jobs import GROUND_SUMMAR
 from orthomill.tasks.evaluation.plan.height_comparison_jobs import height_job, height_results, judge_check
 from orthomill.tasks.evaluation.plan.judged_product import DIFFERENCES, JudgedProduct, Reads
 from orthomill.tasks.evaluation.plan.orthoimage_comparison_jobs import FIT, difference_raster, ortho_job, sums_job
+from orthomill.tasks.evaluation.plan.point_comparison_jobs import POINTS_SUMMARY, point_jobs
 from orthomill.tasks.evaluation.report.evaluation_report import EvaluationFacts, evaluation_report
 from orthomill.tasks.evaluation.report.orthoimage_section import ORTHO_DIFFERENCE
 from orthomill.tasks.evaluation.stage import EvaluationStage, FileReference
@@ -36,7 +37,7 @@ def evaluation_jobs(asked: EvaluationStage, view: ProjectView) -> Iterator[Raste
     # the sentence about a missing simulation comes at planning, before anything has run
     _check(asked, view)
     parts: dict[str, Table] = {}
-    for compare in (_orientation, _heights, _terrain, _ortho):
+    for compare in (_orientation, _heights, _points, _terrain, _ortho):
         yield from compare(asked, view, parts)
     facts = EvaluationFacts(asked.reference.kind, tuple(parts))
     reads: Reads = {**parts}
@@ -101,6 +102,15 @@ def _heights(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table])
     yield from _judge_heights(asked.parallax_sigma, judged, CORRECTED, "heights", pairs, parts)
     yield from _judge_heights(asked.parallax_sigma, judged, HEIGHT, "heights_before_check", pairs, parts)
     yield from judge_check(judged, parts)
+
+
+def _points(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table]) -> Iterator[Job]:
+    reference = asked.reference
+    if not isinstance(reference, FileReference) or reference.points is None or not view.has_stage("densification"):
+        return
+    parts["points"] = POINTS_SUMMARY
+    source = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+    yield from point_jobs(reference.points, reference.sigma, source, view.table(SURFACE).grid, view.project.tile)
 
 
 def _terrain(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table]) -> Iterator[Job]:

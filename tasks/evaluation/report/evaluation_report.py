@@ -7,11 +7,13 @@ from typing import Literal
 
 from orthomill.schemas.stage_report import Figure, StageReport, Verdict
 from orthomill.tasks.evaluation.ground_accuracy import GroundSummary
+from orthomill.tasks.evaluation.point_accuracy import PointsSummary
 from orthomill.tasks.evaluation.report.codes_section import check_section
 from orthomill.tasks.evaluation.report.ground_section import ground_section
 from orthomill.tasks.evaluation.report.heights_section import before_check_section, heights_section, near_share
 from orthomill.tasks.evaluation.report.orientation_section import orientation_section
 from orthomill.tasks.evaluation.report.orthoimage_section import orthoimage_section
+from orthomill.tasks.evaluation.report.points_section import points_section
 from orthomill.tasks.evaluation.report.report_section import ReportSection
 from orthomill.tasks.evaluation.tile_sums import CheckSummary, HeightsSummary, OrientationSummary, OrthoSummary
 
@@ -37,6 +39,10 @@ _MAIN = (
     "dsm_measured_within_2_sigma",
     "dsm_all_codes_share",
     "dsm_within_3_sigma",
+    "points_compared",
+    "points_bias",
+    "points_rmse",
+    "points_measured_within_2_sigma",
     "dsm_open_ground_rmse",
     "dsm_roof_median_error",
     "dsm_buildings_median_error",
@@ -73,6 +79,7 @@ def evaluation_report(
     heights: HeightsSummary | None = None,
     heights_before_check: HeightsSummary | None = None,
     check: CheckSummary | None = None,
+    points: PointsSummary | None = None,
     terrain: GroundSummary | None = None,
     ortho: OrthoSummary | None = None,
 ) -> StageReport:
@@ -83,6 +90,8 @@ def evaluation_report(
         sections.append(heights_section(heights))
     if heights_before_check:
         sections.append(before_check_section(heights_before_check))
+    if points:
+        sections.append(points_section(points))
     if check:
         sections.append(check_section(check))
     if terrain:
