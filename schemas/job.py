@@ -101,6 +101,14 @@ class MeshFile:
 
 
 @dataclass(frozen=True)
+class AreaFile:
+    """Polygons (GeoPackage, GeoJSON); arrives as an `orthomill.schemas.wanted_area.WantedArea` in `crs`."""
+
+    path: str
+    crs: str
+
+
+@dataclass(frozen=True)
 class HeightFile:
     """A window of a surface of the user, a GeoTIFF or a point cloud (LAS, LAZ), on `grid` in `crs`.
 
@@ -125,7 +133,9 @@ class HeightHeader:
     system: str | None = None
 
 
-FileRegion = PhotoPixels | PhotoHeader | PhotoPicture | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile
+FileRegion = (
+    PhotoPixels | PhotoHeader | PhotoPicture | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile | AreaFile
+)
 """What is read from a file outside the store: one of the user's, or one that a job exports."""
 Region = Raster | Table | FileRegion
 

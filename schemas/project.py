@@ -328,10 +328,11 @@ class MapSurface(Settings):
     """The surface stands on the map: a height for every cell."""
 
     kind: Literal["map"] = "map"
-    area: Literal["auto"] | tuple[float, float, float, float] = setting(
+    area: Literal["auto"] | tuple[float, float, float, float] | ProjectPath = setting(
         "auto",
-        "Where the surface is made, checked and textured: x and y of the lower left corner, then of the upper right one. "
-        "Nothing is matched outside. auto: all ground that pairs of photographs see.",
+        "Where the surface is made, checked and textured: x and y of the lower left corner, then of the upper right one, or a file "
+        "of polygons (GeoPackage, GeoJSON), relative to the project's root. Nothing is matched outside. auto: all ground that "
+        "pairs of photographs see.",
         "m",
     )
     origin: tuple[float, float] = setting(
@@ -341,9 +342,17 @@ class MapSurface(Settings):
         "auto", "Cell size, unless the stage densification names another; auto: by the ground pixel.", "m"
     )
 
+    @property
+    def area_file(self) -> str | None:
+        """The file of polygons that names the area."""
+        return self.area if isinstance(self.area, str) and self.area != "auto" else None
+
     @model_validator(mode="after")
     def _area_is_one(self) -> Self:
-        _check_area(self.area)
+        if isinstance(self.area, tuple):
+            _check_area(self.area)
+        elif self.area != "auto" and not self.area.lower().endswith((".gpkg", ".geojson", ".json")):
+            raise ValueError(f"the area '{self.area}' is no file of polygons; give .gpkg or .geojson, or four numbers")
         return self
 
 
@@ -359,6 +368,11 @@ class PlaneSurface(Settings):
         "products/plane.json. auto: where the tie points of the wall are, without what photographs show far beside or behind it.",
         "m",
     )
+
+    @property
+    def area_file(self) -> None:
+        """Polygons are drawn on the map."""
+        return None
 
     @model_validator(mode="after")
     def _area_is_one(self) -> Self:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -28,6 +28,12 @@ def file_roles(model: type[BaseModel]) -> dict[str, FileRole]:
         if role is not None:
             found[name] = role
     return found
+
+
+def words_of(model: type[BaseModel], name: str) -> frozenset[str]:
+    """The words that a field may hold instead of the name of a file."""
+    parts = (model.model_fields[name].annotation, *_inside(model.model_fields[name].annotation))
+    return frozenset(word for part in parts if get_origin(part) is Literal for word in get_args(part) if isinstance(word, str))
 
 
 def _inside(annotation: Any) -> Iterator[Any]:

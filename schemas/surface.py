@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Columns, Table
 from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.wanted_area import WantedArea
 
 HEIGHT = "densification/height"
 """float32 m, NaN where nothing was measured"""
@@ -144,6 +145,8 @@ class Surface(BaseModel):
     height_low: float
     height_high: float
     """bounds of the heights that may be measured, m"""
+    wanted: WantedArea = WantedArea()
+    """where on the grid the surface is wanted"""
 
 
 SURFACE = Table("densification/surface.json", Surface)

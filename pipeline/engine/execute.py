@@ -22,6 +22,7 @@ from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
 from orthomill.schemas.job import (
+    AreaFile,
     Export,
     FileRegion,
     HeightFile,
@@ -199,6 +200,11 @@ def read_file(root: Path, region: FileRegion) -> Any:
         return read_map(root / region.path, region)
     if isinstance(region, MeshFile):
         return read_mesh(root / region.path)
+    if isinstance(region, AreaFile):
+        # Read where it is asked for: few workflows have one, and sqlite and pyproj take time to load.
+        from orthomill.pipeline.storage.features.outline_files import read_wanted_area
+
+        return read_wanted_area(root / region.path, region.crs)
     if isinstance(region, HeightHeader):
         return read_height_grid(root / region.path, region)
     if isinstance(region, HeightFile):

@@ -17,6 +17,7 @@ from typing import Any, Union, Unpack, get_args, get_origin, get_type_hints
 import numpy as np
 
 from orthomill.schemas.job import (
+    AreaFile,
     HeightHeader,
     Job,
     MapHeader,
@@ -33,6 +34,7 @@ from orthomill.schemas.job import (
 from orthomill.schemas.photo import Header, Soundness
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
+from orthomill.schemas.wanted_area import WantedArea
 
 _HELD = {
     TextFile: str,
@@ -41,6 +43,7 @@ _HELD = {
     MapHeader: MapGrid,
     HeightHeader: MapGrid,
     MeshFile: TriangleMesh,
+    AreaFile: WantedArea,
 }
 
 

@@ -25,7 +25,7 @@ from orthomill.pipeline.workflow.yaml_lines import Path_
 from orthomill.schemas.errors import OrthomillError, WorkflowError
 from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence, utm_zone
 from orthomill.schemas.project import PhotoFolder, PhotoList, Project
-from orthomill.schemas.project_paths import FileRole, file_roles
+from orthomill.schemas.project_paths import FileRole, file_roles, words_of
 from orthomill.schemas.stage_contract import Stage
 
 REGISTRATION = "registration"
@@ -206,10 +206,10 @@ def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -
 def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str, FileRole]]:
     for name, role in file_roles(type(value)).items():
         content = getattr(value, name)
-        if isinstance(content, str):
+        if isinstance(content, str) and content not in words_of(type(value), name):
             yield (*base, name), content, role
-        elif content is not None:
-            yield from (((*base, name, index), item, role) for index, item in enumerate(content))
+        elif content is not None and not isinstance(content, str):
+            yield from (((*base, name, index), item, role) for index, item in enumerate(content) if isinstance(item, str))
 
 
 def _models(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, BaseModel]]:

@@ -1,6 +1,6 @@
 """The map grid of the surface model: the ground that the pairs see, in cells of a round size."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
+from orthomill.schemas.wanted_area import WantedArea
 
 _WHOLE = 1e-6
 """cells: a corner as near to a whole number of them is one"""
@@ -25,11 +26,16 @@ class GridWish:
     area: Area | None = None
 
 
-def surface_of(block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: GridWish) -> Surface:
-    """The grid over the union of what the pairs see, in the area of the block where it has one, or over the area that is asked for.
+def surface_of(
+    block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: GridWish, wanted: WantedArea | None = None
+) -> Surface:
+    """The grid over the union of what the pairs see, in the area of the block where it has one, or over the area that is asked for:
+    that of the wish, or the bounds of polygons that are drawn.
 
     Raises GeometryError when there is no pair, when no pair sees common ground, or none in the area.
     """
+    if wanted:
+        wish = replace(wish, area=wanted.bounds)
     if not pairs.pairs:
         raise GeometryError(
             "No pair of photographs is suitable for matching, so there is no surface model; the epipolar report gives the reasons."
@@ -57,7 +63,7 @@ def surface_of(block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: G
     (west, _), (_, north) = origin + first * cell, origin + last * cell
     cols, rows = (last - first).tolist()
     grid = MapGrid(west=float(west), north=float(north), cell=cell, rows=rows, cols=cols)
-    return Surface(grid=grid, height_low=low, height_high=high)
+    return Surface(grid=grid, height_low=low, height_high=high, wanted=wanted or WantedArea())
 
 
 def _corners(area: Area) -> str:

@@ -175,6 +175,8 @@ def finished_cells(
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
     cells = _cropped(with_distance(whole, grid.cell, volume.alone | (volume.coherent & (rated.count > 0))), tile)
+    # Last of all: what lies outside is neighbourhood of what lies inside.
+    cells = without(cells, ~tile.surface.wanted.cells(grid, tile.window))
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
     return cells, datum, _statistics(cells, datum, int(spiky[_inner(tile)].sum()), grid.cell)

@@ -4,6 +4,7 @@ from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Area, Block
 from orthomill.schemas.photo import Photos
+from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import matched_level, with_measured_rows
 from orthomill.tasks.epipolar.selection import choose_pairs
@@ -18,13 +19,16 @@ def measured_pairs(
     height_room: float,
     level: int | None,
     area: Area | None = None,
+    wanted: WantedArea | None = None,
 ) -> EpipolarPairs:
     """The useful pairs (`choose_pairs`) with the rows that their tie points measured, on pyramid level `level`; None: on the finest
-    one on which these agree. area: the ground that is wanted, m; the images of the pairs are cut to it."""
+    one on which these agree. area: the ground that is wanted, m, or the bounds of an
+    area drawn; the images of the pairs are cut to it."""
+    ground = wanted.bounds if wanted else area
     coarsest = min(photos[name].levels for name in block.names) - 1
 
     def on(number: int) -> EpipolarPairs:
-        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest), area)
+        pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest), ground)
         return with_measured_rows(pairs, block, measured, photos.names)
 
     if level is not None:

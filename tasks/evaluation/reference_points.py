@@ -15,6 +15,8 @@ from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.survey_files.sniffed_table import Lines, lines_of, separation
 from orthomill.schemas.survey_files.table_heads import Numbered, possible_heads
 
+_Row = tuple[float, float, float, float]
+"""x, y, z, and the standard error or NaN"""
 _SIGMAS = ("sigma_z", "sigma_all", "sigma")
 """meanings of the columns that hold the standard error of a height, the best first"""
 
@@ -44,7 +46,8 @@ def points_of_table(text: str, path: str, sigma: float) -> ReferencePoints:
     own = np.where(np.isfinite(table[:, 3]), table[:, 3], sigma)
     if (own < 0).any():
         raise WorkflowError(f"{path} holds standard errors below zero; give them in metres, or leave the column out.")
-    return ReferencePoints(*table[:, :3].T.copy(), own)
+    x, y, z = table[:, :3].T.copy()
+    return ReferencePoints(x, y, z, own)
 
 
 def points_of_cloud(cloud: TriangleMesh, sigma: float) -> ReferencePoints:
@@ -53,36 +56,40 @@ def points_of_cloud(cloud: TriangleMesh, sigma: float) -> ReferencePoints:
     return ReferencePoints(x, y, z, np.full(len(x), sigma))
 
 
-def _with_head(lines: Lines) -> list[tuple[float, ...]]:
-    """(x, y, z, standard error or NaN) below the names of columns; none without such names."""
+def _with_head(lines: Lines) -> list[_Row]:
+    """The points below the names of columns; none without such names."""
     for head in possible_heads(lines):
         meanings = [column.meaning for column in head.columns]
         if not {"x", "y", "z"} <= set(meanings):
             continue
-        wanted = [meanings.index(axis) for axis in "xyz"]
-        own = next((meanings.index(name) for name in _SIGMAS if name in meanings), None)
-        units = [head.columns[place].unit for place in (*wanted, *(() if own is None else (own,)))]
+        places = [meanings.index(axis) for axis in "xyz"]
+        places += [meanings.index(name) for name in _SIGMAS if name in meanings][:1]
+        units = [head.columns[place].unit for place in places]
         found = []
         for cells in _cells(head.separation.cells(line) for _, line in head.data):
-            numbers = [head.separation.number(cells[k]) if k < len(cells) else None for k in (*wanted, *([own] if own else []))]
-            known = [None if value is None else unit * value for value, unit in zip(numbers, units, strict=True)]
-            if all(value is not None and np.isfinite(value) for value in known[:3]):
-                found.append((*known[:3], known[3] if own and known[3] is not None else np.nan))
+            numbers = [head.separation.number(cells[k]) if k < len(cells) else None for k in places]
+            found += _rows([np.nan if n is None else unit * n for n, unit in zip(numbers, units, strict=True)])
         if found:
             return found
     return []
 
 
-def _without_head(lines: Lines) -> list[tuple[float, ...]]:
+def _without_head(lines: Lines) -> list[_Row]:
     data: Numbered = lines.others
     sign, found = separation([line for _, line in data]), []
     for cells in _cells(sign.cells(line) for _, line in data):
         numbers = [sign.number(cell) for cell in cells]
         # A name that is a number is told from x by the number of columns: x, y, z, or name, x, y, z, or with a standard error.
         values = numbers[1:] if numbers[0] is None or len(numbers) > 4 else numbers
-        if len(values) in (3, 4) and all(value is not None for value in values):
-            found.append((*values, *([np.nan] * (4 - len(values)))))
+        if len(values) in (3, 4) and None not in values:
+            found += _rows([np.nan if value is None else value for value in values])
     return found
+
+
+def _rows(values: list[float]) -> list[_Row]:
+    """One row of x, y, z and, where there is one, a standard error; none where a coordinate is not known."""
+    x, y, z, sigma = (*values, np.nan)[:4]
+    return [(x, y, z, sigma)] if np.isfinite([x, y, z]).all() else []
 
 
 def _cells(rows: Iterator[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:

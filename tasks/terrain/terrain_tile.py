@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.bare_ground import PointClasses
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import MEASURED, SurfacePoints
+from orthomill.schemas.surface import MEASURED, Surface, SurfacePoints
 from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.bridges import BareBlocks, bridge
 from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
@@ -176,9 +176,10 @@ def terrain_tile(
     windows: tuple[Window, Window],
     core: Window,
     rules: TerrainRules,
+    surface: Surface,
 ) -> TerrainTile:
-    """The terrain of the cells `core`; heights, sigma, provenance cover the first of the windows, the rasters of blocks the
-    second."""
+    """The terrain of the cells `core` where the surface is wanted; heights, sigma, provenance cover the first of the windows, the
+    rasters of blocks the second."""
     measured = np.isin(provenance, MEASURED) & np.isfinite(heights)
     sure = evidence(heights, sigma, provenance, rules)
     place = (*windows, rules.factor)
@@ -189,7 +190,10 @@ def terrain_tile(
     precision = np.hypot(found.sigma, found.datum)
     whole = TerrainTile(found.height, precision, codes, above.astype(np.float32), cell_classes(codes, above, measured))
     inner = core.within(windows[0]).slices
-    return TerrainTile(*(values[inner] for values in whole))
+    wanted = surface.wanted.cells(surface.grid, core)
+    own = TerrainTile(*(values[inner] for values in whole))
+    # The code of nothing is 0, and an empty height no number.
+    return TerrainTile(*(np.where(wanted, v, v.dtype.type(np.nan if v.dtype.kind == "f" else 0)) for v in own))
 
 
 def classify_points(

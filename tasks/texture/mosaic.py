@@ -4,7 +4,7 @@ A tile is processed in strips of rows, so that the colours of all photographs ar
 rows and columns of the whole grid: a tile gives, pixel by pixel, what one tile of the whole orthoimage would give.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, isfinite
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, HeightSource
+from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
 from orthomill.tasks.colouring.balance.shared_ground import Samples, sample_rows, seen_twice
 from orthomill.tasks.colouring.blending.blending import Blended, blend
@@ -56,6 +57,8 @@ class TextureRules:
     colours: ColourRules
     bits: int = 8
     """of a colour of the orthoimage"""
+    wanted: WantedArea = field(default_factory=WantedArea)
+    """where the orthoimage is wanted"""
 
     @property
     def rim(self) -> int:
@@ -132,11 +135,11 @@ def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules
     if ground is None or rules.drape_reach <= 0:
         return heights
     painted = drape(heights, extent.heights, ground, extent.ground)
-    return (
-        np.where(far_from_heights(heights, rules.drape_reach), np.float32(np.nan), painted)
-        if isfinite(rules.drape_reach)
-        else painted
-    )
+    if isfinite(rules.drape_reach):
+        painted = np.where(far_from_heights(heights, rules.drape_reach), np.float32(np.nan), painted)
+    if rules.wanted.polygons:
+        painted = np.where(rules.wanted.cells(extent.dsm, extent.heights), painted, np.float32(np.nan))
+    return painted
 
 
 def _showing(painted: np.ndarray, extent: TileExtent, photos: list[BalancedPhotograph]) -> list[int]:

@@ -86,4 +86,4 @@ class TextureStage(ColourSettings, Stage):
         from orthomill.tasks.texture.plan.texture_rules import texture_rules
 
         jobs = OrthoimageJobs(view, self, None if self.cell == "auto" else self.cell, self.holes.kind == "drape")
-        return jobs.all(texture_rules(self, jobs.surface.grid.cell))
+        return jobs.all(texture_rules(self, jobs.surface))

@@ -11,6 +11,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.densification.filling import fill
 from orthomill.tasks.densification.fusion import FusedCells, fuse
 from orthomill.tasks.densification.gridding import HeightCells, TargetCells, grid_nodes
@@ -326,3 +327,6 @@ def test_a_grid_is_the_one_that_is_asked_for():
     assert surface_of(block(), pairs, points, GridWish(1.0, (0.0, 0.0), outside)).grid.west == np.floor(outside[0])
     with pytest.raises(GeometryError, match="see no ground in the area that is asked for"):
         surface_of(block(), pairs, points, GridWish(1.0, (0.0, 0.0), (0.0, 0.0, 10.0, 10.0)))
+    corners = ((area[0], area[1]), (area[2], area[1]), (area[0], area[3]))
+    drawn = surface_of(block(), pairs, points, GridWish(0.5, (seen.west + 0.25, seen.north)), WantedArea(polygons=((corners,),)))
+    assert drawn.grid == found and drawn.wanted.polygons == ((corners,),)

@@ -4,8 +4,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from orthomill.schemas.project import PhotoFolder, PhotoList, Project
-from orthomill.schemas.project_paths import FileRole, ProjectMap, ProjectPath, file_roles
+from orthomill.schemas.project import MapSurface, PhotoFolder, PhotoList, Project
+from orthomill.schemas.project_paths import FileRole, ProjectMap, ProjectPath, file_roles, words_of
 from orthomill.schemas.settings import Settings
 from orthomill.tasks.catalogue import STAGES
 
@@ -19,6 +19,10 @@ class Several(Settings):
 
 def test_fields_that_name_files_are_found_by_their_type():
     assert file_roles(Several) == {"one": FileRole(), "perhaps": FileRole(is_map=True), "some": FileRole()}
+
+
+def test_a_word_in_the_place_of_a_file_is_no_file():
+    assert words_of(MapSurface, "area") == {"auto"} and words_of(Several, "one") == frozenset()
 
 
 def models(annotation: Any) -> set[type[BaseModel]]:

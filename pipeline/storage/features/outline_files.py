@@ -11,6 +11,7 @@ from pyproj import CRS, Transformer
 
 from orthomill.pipeline.storage.features.geometry_files import Geometry, read_geometries, understood
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.wanted_area import WantedArea
 
 PIECES = 16
 """of an edge when it is transformed: a straight line of one system is bent in another"""
@@ -59,6 +60,11 @@ def read_outlines(path: Path, crs: str) -> tuple[Outline, ...]:
         if not all(np.isfinite(ring).all() and len(ring) >= 4 for ring in outline.rings):
             raise WorkflowError(f"{path}: the polygon {outline.name} has a ring of fewer than three corners, or none in {crs}.")
     return found
+
+
+def read_wanted_area(path: Path, crs: str) -> WantedArea:
+    """The polygons of a file as the area that is wanted, in the plan system of `crs`. Raises WorkflowError as `read_outlines`."""
+    return WantedArea(polygons=tuple(tuple(tuple(map(tuple, ring.tolist())) for ring in o.rings) for o in read_outlines(path, crs)))
 
 
 def moved(outline: Outline, system: str | None, crs: str) -> Outline:

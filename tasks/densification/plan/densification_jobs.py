@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import Export, Job, Reading
+from orthomill.schemas.job import AreaFile, Export, Job, Reading
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
@@ -40,6 +40,8 @@ _Plan = Iterator[RasterSpec | Job | Export]
 def densification_jobs(asked: DensificationStage, view: ProjectView) -> _Plan:
     """The grid of the surface, then the jobs of the method that is asked for."""
     reads: dict[str, Reading] = {"block": BLOCK, "pairs": PAIRS, "points": GROUND_POINTS}
+    if file := view.project.grid.area_file:
+        reads["wanted"] = AreaFile(file, view.project.crs)
     yield Job(
         stage=asked.kind,
         item="grid",
@@ -70,7 +72,7 @@ def _wish(asked: DensificationStage, view: ProjectView) -> GridWish:
         raise WorkflowError(
             f"The grid asks for cells of {named:g} m and the stage densification for {cell:g} m; leave one of the two out."
         )
-    return GridWish(cell or named, ground.origin, None if ground.area == "auto" else ground.area)
+    return GridWish(cell or named, ground.origin, ground.area if isinstance(ground.area, tuple) else None)
 
 
 def surface_rules(asked: DensificationStage) -> SurfaceRules:

@@ -6,7 +6,7 @@ A tile reads the window of the photograph that it shows and nothing else, so it 
 from collections.abc import Iterator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
-from orthomill.schemas.job import Export, Job, Raster, Reading
+from orthomill.schemas.job import AreaFile, Export, Job, Raster, Reading
 from orthomill.schemas.observations import IMAGE_RESIDUALS
 from orthomill.schemas.orientation import BLOCK, Area, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -50,13 +50,15 @@ def _pairs_job(asked: EpipolarStage, view: ProjectView) -> Job:
         "area": _area(view),
     }
     reads: dict[str, Reading] = {"block": BLOCK, "measured": IMAGE_RESIDUALS, "photos": PHOTOS}
+    if file := view.project.grid.area_file:
+        reads["wanted"] = AreaFile(file, view.project.crs)
     return Job(stage=asked.kind, item="pairs", function=measured_pairs, reads=reads, writes={"pairs": PAIRS}, params=params)
 
 
 def _area(view: ProjectView) -> Area | None:
     """Where on the map the surface is wanted; None: everywhere, or on a plane."""
     ground = view.project.grid
-    return ground.area if isinstance(ground, MapSurface) and ground.area != "auto" else None
+    return ground.area if isinstance(ground, MapSurface) and isinstance(ground.area, tuple) else None
 
 
 def _grey_ranges(asked: EpipolarStage, view: ProjectView, photos: Photos, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:

@@ -211,7 +211,7 @@ class TerrainJobs:
         window = tile.window.grown(self.rules.roofs.halo).clipped(self.grid.shape)
         blocks = blocks_around(window, self.rules.factor, self.coarse.shape)
         names = {"heights": self.heights, "sigma": RELATIVE_PRECISION, "provenance": PROVENANCE}
-        reads = {key: Raster(name, window) for key, name in names.items()}
+        reads: dict[str, Reading] = {"surface": SURFACE, **{key: Raster(name, window) for key, name in names.items()}}
         reads |= {key: Raster(name, blocks) for key, name in (("bare", BARE), ("open_side", OPEN_SIDE), ("ground", GROUND))}
         writes = {key: Raster(name, tile.window) for key, name in _CELL_RASTERS.items()}
         params = {"windows": (window, blocks), "core": tile.window, "rules": self.rules}

@@ -2,13 +2,15 @@
 
 from math import inf
 
+from orthomill.schemas.surface import Surface
 from orthomill.tasks.colouring.blending.colour_rules import colour_rules_of
 from orthomill.tasks.texture.mosaic import TextureRules
 from orthomill.tasks.texture.stage import TextureStage
 
 
-def texture_rules(asked: TextureStage, cell: float) -> TextureRules:
-    """How a tile is made on a surface model with cells of `cell` m."""
+def texture_rules(asked: TextureStage, surface: Surface) -> TextureRules:
+    """How a tile is made on a surface model."""
+    cell = surface.grid.cell
     return TextureRules(
         # Between two cells the interpolated surface may exceed the true one by half a cell on a slope of one.
         tolerance=0.5 * cell if asked.tolerance == "auto" else asked.tolerance,
@@ -18,6 +20,7 @@ def texture_rules(asked: TextureStage, cell: float) -> TextureRules:
         widening_ramp=asked.occlusion_ramp,
         sharpen=asked.edges.kind == "sharpen",
         colours=colour_rules_of(asked),
+        wanted=surface.wanted,
     )
 
 

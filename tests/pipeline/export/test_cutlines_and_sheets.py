@@ -12,7 +12,7 @@ from orthomill.pipeline.cli.export_kinds import Asked, export_as
 from orthomill.pipeline.export.conversions.map_sheets import linz_sheets, metric_sheets, quarter_quads, sheets_of
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.vectors.geopackage import well_known_binary
-from orthomill.pipeline.storage.features.outline_files import read_outlines
+from orthomill.pipeline.storage.features.outline_files import read_outlines, read_wanted_area
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
 WEST, NORTH = 407000.0, 4357600.0
@@ -96,6 +96,8 @@ def test_polygons_of_a_geopackage_written_by_gdal(folder):
     names = np.array(["a", "b"], object)
     pyogrio.raw.write(folder / "c.gpkg", shapes, [names], ["name"], geometry_type="Polygon Z", crs="EPSG:2100")
     assert [(one.name, one.bounds[0] - WEST) for one in read_outlines(folder / "c.gpkg", "EPSG:2100")] == [("a", 0), ("b", 100)]
+    area = read_wanted_area(folder / "c.gpkg", "EPSG:2100")
+    assert len(area.polygons) == 2 and area.bounds[0] == WEST
 
 
 def test_every_sheet_that_shows_something_is_a_file_and_stands_in_the_index(folder):
