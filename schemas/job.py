@@ -102,7 +102,7 @@ class MeshFile:
 
 @dataclass(frozen=True)
 class AreaFile:
-    """Polygons (GeoPackage, GeoJSON); arrives as an `orthomill.schemas.wanted_area.WantedArea` in `crs`."""
+    """Polygons (GeoPackage, GeoJSON); arrives as an `orthomill.schemas.maps.wanted_area.WantedArea` in `crs`."""
 
     path: str
     crs: str

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from orthomill.schemas.accuracy.acceptance import Acceptance, NoAcceptance
-from orthomill.schemas.camera import INTERIOR, LensKind, lens_parameters
+from orthomill.schemas.camera import INTERIOR, LENSES, Lens, LensKind, lens_parameters
 from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
@@ -74,13 +74,9 @@ class CameraFromFile(Settings):
     serves: str = setting("*", SERVES)
 
 
-class CameraGiven(Settings):
-    """Interior orientation given in the workflow."""
+class StatedLens(Settings):
+    """Model of a lens and its coefficients."""
 
-    kind: Literal["given"]
-    c: float = setting(..., "Camera constant.", "px", gt=0)
-    x0: float = setting(0.0, "Principal point, right of the image centre.", "px")
-    y0: float = setting(0.0, "Principal point, above the image centre.", "px")
     lens: LensKind = setting("brown", "Model of the lens that the coefficients belong to; with OpenCV's numbers.")
     k1: float = setting(0.0, "Radial distortion, second order; radius in units of c, as in OpenCV (fisheye: of the angle).")
     k2: float = setting(0.0, "Radial distortion, fourth order.")
@@ -94,20 +90,36 @@ class CameraGiven(Settings):
     s2: float = setting(0.0, "Thin prism, fourth order, along x.")
     s3: float = setting(0.0, "Thin prism, second order, along y.")
     s4: float = setting(0.0, "Thin prism, fourth order, along y.")
+
+    @model_validator(mode="after")
+    def _coefficients_of_the_lens(self) -> "StatedLens":
+        """A coefficient that the lens lacks would be passed over without a word."""
+        own = lens_parameters(self.lens)
+        stated = [name for name in INTERIOR if name in StatedLens.model_fields and getattr(self, name)]
+        if strange := [name for name in stated if name not in own]:
+            raise ValueError(f"a lens of kind {self.lens} has no {', '.join(strange)}; it has {', '.join(own)}")
+        return self
+
+    @property
+    def lens_model(self) -> Lens:
+        """The lens with its coefficients."""
+        kind = LENSES[self.lens]
+        return kind(**{name: getattr(self, name) for name in kind.model_fields if name != "kind"})
+
+
+class CameraGiven(StatedLens):
+    """Interior orientation given in the workflow."""
+
+    kind: Literal["given"]
+    c: float = setting(..., "Camera constant.", "px", gt=0)
+    x0: float = setting(0.0, "Principal point, right of the image centre.", "px")
+    y0: float = setting(0.0, "Principal point, above the image centre.", "px")
     affinity: float = setting(0.0, "fx / fy - 1: c is the camera constant along y, c (1 + affinity) that along x.", gt=-0.9, lt=9.0)
     skew: float = setting(0.0, "Shear of x by y, in units of c; 0 for perpendicular axes.")
     pixel_um: float | None = setting(None, "Side of a pixel on the sensor or scan.", "micrometres", gt=0)
     # 0 stores no covariance at all, because a variance of zero would claim an error-free camera constant.
     sigma_c: float = setting(0.0, "Standard error of the camera constant; 0 when not known.", "px", ge=0)
     serves: str = setting("*", SERVES)
-
-    @model_validator(mode="after")
-    def _coefficients_of_the_lens(self) -> "CameraGiven":
-        """A coefficient that the lens lacks would be passed over without a word."""
-        own = lens_parameters(self.lens)
-        if strange := [name for name in INTERIOR if name not in own and getattr(self, name)]:
-            raise ValueError(f"a lens of kind {self.lens} has no {', '.join(strange)}; it has {', '.join(own)}")
-        return self
 
 
 class CameraFromChessboards(Settings):

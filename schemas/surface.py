@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.wanted_area import WantedArea
 
 HEIGHT = "densification/height"
 """float32 m, NaN where nothing was measured"""

@@ -31,10 +31,10 @@ from orthomill.schemas.job import (
     TextFile,
     regions_of,
 )
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.photo import Header, Soundness
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.solid.mesh import TriangleMesh
-from orthomill.schemas.wanted_area import WantedArea
 
 _HELD = {
     TextFile: str,

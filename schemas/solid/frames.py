@@ -41,6 +41,13 @@ class FlatFrame(_FrameShape):
     """m"""
     level: bool = False
     """The plane is that of the map: X to the right, Y up."""
+    oblique: Vector | None = None
+    """unit vector towards the viewer where this is not the normal"""
+
+    @property
+    def towards(self) -> Vector:
+        """Unit vector towards the viewer."""
+        return self.oblique or self.normal
 
     @property
     def grid(self) -> MapGrid:
@@ -55,7 +62,8 @@ class FlatFrame(_FrameShape):
         origin = (c - low * u for c, u in zip(self.corner, self.up, strict=True))
         named = {"ORIGIN": tuple(origin), "RIGHT": self.right, "UP": self.up, "NORMAL": self.normal}
         vectors = {f"PLANE_{name}": " ".join(f"{v:.12g}" for v in values) for name, values in named.items()}
-        return {**vectors, "PIXEL_M": f"{self.pixel:.9g}", "PAPER_SCALE_AT_0.1_MM": f"1:{self.pixel / 0.0001:.6g}"}
+        oblique = {"PLANE_TOWARDS": " ".join(f"{v:.12g}" for v in self.oblique)} if self.oblique else {}
+        return {**vectors, **oblique, "PIXEL_M": f"{self.pixel:.9g}", "PAPER_SCALE_AT_0.1_MM": f"1:{self.pixel / 0.0001:.6g}"}
 
 
 class CylinderFrame(_FrameShape):

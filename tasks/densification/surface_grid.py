@@ -6,11 +6,11 @@ import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
-from orthomill.schemas.wanted_area import WantedArea
 
 _WHOLE = 1e-6
 """cells: a corner as near to a whole number of them is one"""

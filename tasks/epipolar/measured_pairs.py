@@ -1,10 +1,10 @@
 """The useful pairs of a block, on the pyramid level on which their rows agree."""
 
 from orthomill.schemas.epipolar import EpipolarPairs
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Area, Block
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import matched_level, with_measured_rows
 from orthomill.tasks.epipolar.selection import choose_pairs

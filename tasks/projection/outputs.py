@@ -4,14 +4,24 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from orthomill.schemas.settings import Settings, setting
+from orthomill.schemas.project import StatedLens
+from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.tasks.projection.lines.sections import NoSection, Point, Section
 
 Pixel = Annotated[float, Field(gt=0)] | Literal["auto"]
 _NAME = "Name of its files and of its chapter in the report."
 _PIXEL = "Side of a pixel. auto: that of the photographs on the surface, as a round number."
 _SECTION = "What is cut away before the surface is shown; photographs still see all of it."
+_ONLY = "Name of the one photograph that it shows, with holes where that sees nothing; for comparison. None: all, blended."
 _NAMED = r"^[a-z][a-z0-9_]*$"
+
+
+def is_rotation(rows: tuple[Point, Point, Point]) -> bool:
+    """Whether three rows are perpendicular unit vectors, right-handed, to six digits."""
+    dots = [sum(a * b for a, b in zip(one, other, strict=True)) for one in rows for other in rows]
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    turned = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return all(abs(dot - (n in (0, 4, 8))) < 1e-6 for n, dot in enumerate(dots)) and turned > 0
 
 
 class ThreePoints(Settings):
@@ -66,6 +76,7 @@ class MapOutput(Settings):
     kind: Literal["map"] = "map"
     name: str = setting("map", _NAME, pattern=_NAMED)
     pixel: Pixel = setting("auto", _PIXEL, "m")
+    only: str | None = setting(None, _ONLY)
     section: Section = setting(NoSection(), _SECTION)
 
 
@@ -79,6 +90,10 @@ class PlaneOutput(Settings):
     size: tuple[float, float] | None = setting(
         None, "Width and height about the point of the plane (the middle of the edge or of the three points). None: all seen.", "m"
     )
+    towards: Point | None = setting(
+        None, "Direction towards the viewer of an oblique parallel projection, of any length. None: across the plane."
+    )
+    only: str | None = setting(None, _ONLY)
     section: Section = setting(NoSection(), _SECTION)
 
 
@@ -96,19 +111,38 @@ class CylinderOutput(Settings):
     section: Section = setting(NoSection(), _SECTION)
 
 
-class PerspectiveOutput(Settings):
+class PerspectiveOutput(StatedLens):
     """The picture of a camera that was never there."""
 
     kind: Literal["perspective"]
     name: str = setting("view", _NAME, pattern=_NAMED)
     position: Point = setting(..., "The projection centre.", "m")
-    target: Point = setting(..., "What is in the middle of the picture.", "m")
+    target: Point | None = setting(None, "What is in the middle of the picture; or angles or rotation say where it looks.", "m")
+    roll: float = setting(
+        0.0, "By how much the camera is turned clockwise about its axis from upright, with a target.", "degrees", ge=-180, le=180
+    )
+    omega_phi_kappa: Point | None = setting(None, "Rotation by angles, instead of a target.", "degrees")
+    rotation: tuple[Point, Point, Point] | None = setting(
+        None, "Rows of the rotation matrix from world to image (x right, y up, looking along -z), instead of a target."
+    )
     width: int = setting(1600, "Width of the picture.", "px", ge=16, le=60000)
     height: int = setting(1200, "Height of the picture.", "px", ge=16, le=60000)
     c: float = setting(1600.0, "Camera constant.", "px", gt=0)
-    k1: float = setting(0.0, "Radial distortion that the picture is to have, second order, as in OpenCV.")
-    k2: float = setting(0.0, "Radial distortion that the picture is to have, fourth order.")
+    x0: float = setting(0.0, "Principal point, right of the middle of the picture.", "px")
+    y0: float = setting(0.0, "Principal point, above the middle of the picture.", "px")
     section: Section = setting(NoSection(), _SECTION)
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> "PerspectiveOutput":
+        ways = [name for name in ("target", "omega_phi_kappa", "rotation") if getattr(self, name) is not None]
+        if len(ways) != 1:
+            found = " and ".join(ways) if ways else "none of them"
+            raise ValueError(f"a view needs either a target, or omega_phi_kappa, or a rotation; there is {found}")
+        if self.target is None:
+            refuse_ignored(self, ("roll",), ways[0], "remove the line, or give a target")
+        if self.rotation is not None and not is_rotation(self.rotation):
+            raise ValueError("the rotation is no rotation matrix: its rows must be perpendicular unit vectors, right-handed")
+        return self
 
 
 class PhotographOutput(Settings):

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, HeightSource
-from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
 from orthomill.tasks.colouring.balance.shared_ground import Samples, sample_rows, seen_twice
 from orthomill.tasks.colouring.blending.blending import Blended, blend

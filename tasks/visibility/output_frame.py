@@ -44,8 +44,12 @@ def moved(view: View, origin: np.ndarray) -> View:
 
 
 def plane_projection(frame: FlatFrame, origin: np.ndarray) -> Projection:
-    """The parallel projection of a plane; the nearness of a point is its distance in front of the plane."""
-    rows = np.array([np.array(frame.right) / frame.pixel, -np.array(frame.up) / frame.pixel, frame.normal])
+    """The parallel projection of a plane; the nearness of a point is its distance from the plane along the rays."""
+    towards, normal = np.array(frame.towards), np.array(frame.normal)
+    far = normal / (towards @ normal)
+    # Along oblique rays a point lies on the plane where it is seen, not at its foot.
+    right, up = (axis - (axis @ towards) * far for axis in (np.array(frame.right), np.array(frame.up)))
+    rows = np.array([right / frame.pixel, -up / frame.pixel, far])
     return Projection(np.column_stack([rows, rows @ (origin - frame.corner) - [0.5, 0.5, 0.0]]), central=False)
 
 
@@ -92,7 +96,7 @@ def pixel_rays(frame: AnyFrame, pixels: np.ndarray, origin: np.ndarray) -> Pixel
     across, down = (pixels[:, 0] + 0.5) * frame.pixel, (pixels[:, 1] + 0.5) * frame.pixel
     if isinstance(frame, FlatFrame):
         start = np.array(frame.corner) - origin + across[:, None] * np.array(frame.right) - down[:, None] * np.array(frame.up)
-        return PixelRays(start, np.broadcast_to(-np.array(frame.normal), start.shape))
+        return PixelRays(start, np.broadcast_to(-np.array(frame.towards), start.shape))
     angle = (across - 0.5 * frame.cols * frame.pixel) / frame.radius * (1.0 if frame.outside else -1.0)
     side = np.cross(frame.axis, frame.middle)
     out = np.cos(angle)[:, None] * np.array(frame.middle) + np.sin(angle)[:, None] * side

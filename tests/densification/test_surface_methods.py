@@ -8,10 +8,10 @@ from village_pair import stack_of
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.wanted_area import WantedArea
 from orthomill.tasks.densification.filling import fill
 from orthomill.tasks.densification.fusion import FusedCells, fuse
 from orthomill.tasks.densification.gridding import HeightCells, TargetCells, grid_nodes

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from orthomill.schemas.camera import Camera
+from orthomill.schemas.camera import BrownLens, Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job, Stream
 from orthomill.schemas.raster import MapGrid, RasterSpec
@@ -200,7 +200,7 @@ def test_a_photograph_without_itself_and_without_distortion():
     output = {"kind": "photograph", "name": "again", "photo": "b", "itself": False, "distortion": "removed"}
     rasters = of([output])
     assert rasters["projection/again/sight"].shape == (180, 240, 3)
-    ideal = scene.CAMERA.model_copy(update={"k1": 0.0, "k2": 0.0})
+    ideal = scene.CAMERA.model_copy(update={"lens": BrownLens()})
     own = scene.photograph(block_view(scene.block(camera=ideal), "b"))
     ortho = rasters["projection/again/ortho"]
     known = (ortho[..., 3] > 0) & (own.max(axis=2) > 0)
@@ -223,6 +223,22 @@ def test_the_map_shows_the_top_of_the_box_and_no_wall():
     heights = rasters["projection/plan/nearness"]
     assert np.nanmax(heights) - np.nanmin(heights) < 3.01
     assert rasters["projection/plan/sight"].max() <= PlaceSight.SEEN
+
+
+def test_an_oblique_picture_shows_what_oblique_rays_meet_and_one_photograph_only_what_it_sees():
+    oblique = {**FRONT, "name": "oblique", "towards": (0.5, -1.0, 0.3), "pixel": 0.05}
+    rasters = of([oblique, {**oblique, "name": "alone", "only": "b"}])
+    towards = np.array([0.5, -1.0, 0.3]) / np.linalg.norm([0.5, -1.0, 0.3])
+    x, z = np.meshgrid(-2 + (np.arange(80) + 0.5) * 0.05, 3 - (np.arange(60) + 0.5) * 0.05)
+    start = np.column_stack([x.ravel(), np.zeros(x.size), z.ravel()]) + 50.0 * towards
+    points, box, _ = scene.traced(start, np.tile(-towards, (x.size, 1)))
+    truth = scene.colour(points, box).reshape(60, 80, 3)
+    blended, alone = (rasters[f"projection/{name}/ortho"] for name in ("oblique", "alone"))
+    for ortho in (blended, alone):
+        known = ortho[..., 3] > 0
+        assert known.mean() > 0.3
+        assert np.percentile(np.abs(ortho[..., :3].astype(float) - truth).mean(axis=2)[known], 85) < 4.0
+    assert (alone[..., 3] > 0).sum() < (blended[..., 3] > 0).sum(), "holes where it sees nothing"
 
 
 def test_inward_faces_are_turned_and_a_way_that_is_set_is_kept():

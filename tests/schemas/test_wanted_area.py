@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.project import MapSurface, PlaneSurface
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
-from orthomill.schemas.wanted_area import WantedArea
 
 GRID = MapGrid(west=0.0, north=30.0, cell=1.0, rows=30, cols=40)
 ALL = Window(0, 0, *GRID.shape)

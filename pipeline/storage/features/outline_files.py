@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 
 from orthomill.pipeline.storage.features.geometry_files import Geometry, read_geometries, understood
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.wanted_area import WantedArea
+from orthomill.schemas.maps.wanted_area import WantedArea
 
 PIECES = 16
 """of an edge when it is transformed: a straight line of one system is bent in another"""

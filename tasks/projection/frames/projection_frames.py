@@ -14,7 +14,7 @@ from orthomill.schemas.errors import GeometryError, some_of
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.solid.census import MeshCensus, MeshTriangles, MeshVertices
 from orthomill.schemas.solid.frames import AnyFrame, CylinderFrame, FlatFrame, OutputFrames, Vector, ViewFrame
-from orthomill.tasks.geometry.rotation import angles
+from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.projection.frames.best_plane import PlaneAxes, best_plane, plane_axes
 from orthomill.tasks.projection.frames.misplaced_surface import fitting_unit, refuse_tiny, shown_by, why_unseen
@@ -37,6 +37,8 @@ _TRIM = 0.3
 """per cent of the seen surface on either side that an extent leaves out: single triangles far from the object"""
 _EDGE_ON = 0.02
 """mean cosine between the surface and the plane of an output below which nothing of it could be seen there"""
+_STEEPEST = float(np.cos(np.radians(80.0)))
+"""cosine between an oblique projection and the normal of its plane below which nothing could be read from it"""
 _UP = np.array([0.0, 0.0, 1.0])
 _LEVEL, _OVERHEAD = 0.7, 0.3
 """Z of the normal from which a plane is a floor and no wall; minus the mean cosine from which photographs are upside down"""
@@ -121,11 +123,17 @@ def frame_of(output: AnyOutput, seen: SeenSurface, block: Block) -> AnyFrame:
     if isinstance(output, PhotographOutput):
         return photograph_frame(output.name, output.photo, block, output.distortion == "kept", output.itself)
     pixel = round_pixel(seen.pixel) if output.pixel == "auto" else output.pixel
-    if isinstance(output, MapOutput):
-        return _map(output, seen, pixel)
     if isinstance(output, CylinderOutput):
         return _cylinder(output, pixel)
-    return _plane(output, seen, pixel)
+    frame = _map(output, seen, pixel) if isinstance(output, MapOutput) else _plane(output, seen, pixel)
+    return frame if output.only is None else frame.model_copy(update={"without": _all_but(output.only, output.name, block)})
+
+
+def _all_but(photo: str, output: str, block: Block) -> tuple[str, ...]:
+    """The names of all other photographs. Raises GeometryError for one that the block does not have."""
+    if photo not in block.names:
+        raise GeometryError(f"The photograph '{photo}' of the output '{output}' is not oriented; there are {some_of(block.names)}.")
+    return tuple(name for name in block.names if name != photo)
 
 
 def checked(frame: AnyFrame) -> AnyFrame:
@@ -232,8 +240,11 @@ def facade_plane(seen: SeenSurface) -> PlaneAxes:
 
 def _plane(output: PlaneOutput, seen: SeenSurface, pixel: float) -> FlatFrame:
     axes = chosen_plane(output, seen)
+    oblique = None if output.towards is None else _towards(output, axes)
     if output.size is None:
         offset = seen.points - axes.point
+        if oblique is not None:
+            offset = offset - ((offset @ axes.normal) / (oblique @ axes.normal))[:, None] * oblique
         (left, right), (bottom, top) = _extent(offset @ axes.right), _extent(offset @ axes.up)
     else:
         width, height = output.size
@@ -249,7 +260,20 @@ def _plane(output: PlaneOutput, seen: SeenSurface, pixel: float) -> FlatFrame:
         up=vector(axes.up),
         normal=vector(axes.normal),
         pixel=pixel,
+        oblique=None if oblique is None else vector(oblique),
     )
+
+
+def _towards(output: PlaneOutput, axes: PlaneAxes) -> np.ndarray:
+    """The unit vector towards the viewer of an oblique projection. Raises GeometryError where it runs along or behind the plane."""
+    towards = np.array(output.towards, np.float64)
+    length = float(np.linalg.norm(towards))
+    if length == 0.0 or (towards @ axes.normal) / length < _STEEPEST:
+        raise GeometryError(
+            f"The direction `towards` of '{output.name}' does not lead in front of its plane, whose normal is "
+            f"{_listed(axes.normal)}; give one that is less than 80 degrees from it."
+        )
+    return towards / length
 
 
 def _refuse_edge_on(output: PlaneOutput, axes: PlaneAxes, seen: SeenSurface) -> None:
@@ -301,13 +325,24 @@ def looking_at(position: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.array([axes.right, axes.up, axes.normal])
 
 
-def _perspective(output: PerspectiveOutput) -> ViewFrame:
+def _attitude(output: PerspectiveOutput) -> np.ndarray:
+    """Rotation (3, 3), world to image, of a view."""
+    if output.rotation is not None:
+        return np.array(output.rotation)
+    if output.omega_phi_kappa is not None:
+        return rotation_matrix(*np.radians(output.omega_phi_kappa))
     position, target = np.array(output.position), np.array(output.target)
     if np.array_equal(position, target):
         raise GeometryError(f"The view '{output.name}' looks at its own position; give another `target`.")
-    omega, phi, kappa = np.degrees(angles(looking_at(position, target)))
+    roll = np.radians(output.roll)
+    turned = np.array([[np.cos(roll), -np.sin(roll), 0.0], [np.sin(roll), np.cos(roll), 0.0], [0.0, 0.0, 1.0]])
+    return turned @ looking_at(position, target)
+
+
+def _perspective(output: PerspectiveOutput) -> ViewFrame:
+    omega, phi, kappa = np.degrees(angles(_attitude(output)))
     camera = Camera(
-        name=output.name, width=output.width, height=output.height, c=output.c, lens=BrownLens(k1=output.k1, k2=output.k2)
+        name=output.name, width=output.width, height=output.height, c=output.c, x0=output.x0, y0=output.y0, lens=output.lens_model
     )
     return ViewFrame(
         name=output.name,
@@ -325,7 +360,7 @@ def photograph_frame(name: str, photo: str, block: Block, distorted: bool, itsel
         raise GeometryError(f"The photograph '{photo}' of the output '{name}' is not oriented; there are {some_of(block.names)}.")
     camera, pose = block.camera_of(photo), block.of(photo)
     if not distorted:
-        camera = camera.model_copy(update={"k1": 0.0, "k2": 0.0, "k3": 0.0, "p1": 0.0, "p2": 0.0})
+        camera = camera.model_copy(update={"lens": BrownLens()})
     camera = halved(camera, halvings)
     return ViewFrame(
         name=name,
