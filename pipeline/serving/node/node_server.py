@@ -2,6 +2,7 @@
 
 import ssl
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.node.access import Access, tokens_given
 from orthomill.pipeline.serving.queue.object_places import allowed_address
 from orthomill.pipeline.serving.queue.task_queue import QueueRules, TaskQueue
+from orthomill.pipeline.serving.queue.task_state import TaskStatus
 from orthomill.pipeline.serving.queue.upload_store import UploadLimits, UploadStore
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.stage_contract import Stage
@@ -81,11 +83,16 @@ def serve(settings: NodeSettings, catalogue: tuple[type[Stage], ...], say: Calla
                 "unless this network is yours alone."
             )
         try:
-            uvicorn.Server(config).run()
+            # Ctrl-C is the way out, and loses nothing.
+            with suppress(KeyboardInterrupt):
+                uvicorn.Server(config).run()
         except SystemExit:
             raise ResourceError(
                 f"The node cannot listen on {settings.host}, port {settings.port}: it is taken; choose another."
             ) from None
+        if running := sum(state.status == TaskStatus.RUNNING for state in service.queue.tasks.values()):
+            words = "task goes" if running == 1 else "tasks go"
+            say(f"{running} {words} on without the node; start it again to see or to cancel what runs.")
 
 
 def node_service(settings: NodeSettings, access: Access, catalogue: tuple[type[Stage], ...]):
