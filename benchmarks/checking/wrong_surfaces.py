@@ -1,28 +1,29 @@
 """The gallery of docs/gallery.md: faults that surfaces have, planted into a right one, and what the check says of each.
 
-    python -m benchmarks gallery [runs/volos_small]
+    python -m benchmarks gallery [runs/volos_small [FAULT ...]]
 
 Pictures: what is wrong, corrections that the photographs ask for, codes. Written to docs/pictures/wrong, with the sentences of the
 check beside them as `found.json`.
 """
 
 import json
-import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import rasterio
+from rasterio.windows import Window
 from scipy.ndimage import gaussian_filter
 
 from benchmarks.checking.check_picture import picture
 from benchmarks.instrument.result_page import ROOT
-from benchmarks.measured_run import run_folders
+from benchmarks.measured_run import orthomill, run_folders
 from orthomill.schemas.surface import CheckCode
 
 TARGET = ROOT / "docs" / "pictures" / "wrong"
+_PART = (180, 150, 360, 300)
+"""cells of the surface that are shown: first column and row, columns and rows"""
 REACH = 1.5
 """m of full colour"""
 
@@ -55,12 +56,15 @@ def melted(z: np.ndarray) -> np.ndarray:
 def rebuilt(z: np.ndarray) -> np.ndarray:
     """An old model: four houses stand that are not there, and a strip of ground lies 2 m deeper."""
     out, (rows, cols) = z.copy(), z.shape
-    for row, col in ((0.3, 0.3), (0.3, 0.7), (0.65, 0.35), (0.6, 0.75)):
-        place = np.s_[int(row * rows) : int(row * rows) + 20, int(col * cols) : int(col * cols) + 30]
+    for row, col in ((0.15, 0.2), (0.2, 0.7), (0.75, 0.3), (0.7, 0.75)):
+        place = np.s_[int(row * rows) : int(row * rows) + 16, int(col * cols) : int(col * cols) + 24]
         out[place] = np.nanmedian(out[place]) + 6
     out[int(0.45 * rows) : int(0.45 * rows) + 14, cols // 4 : 3 * cols // 4] -= 2
     return out
 
+
+_FIGURES = ("shift_up", "shift_up_sigma", "trend_range", "bend", "checked", "dh_nmad", "changed", "suspicious_areas")
+"""of the report, that tell of such faults"""
 
 FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "shifted": shifted,
@@ -72,16 +76,14 @@ FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 
 def main(words: list[str]) -> None:
-    """Plants each fault, runs the command on it, and draws."""
-    run = run_folders(words or ["runs/volos_small"])[0]
+    """Plants each fault, or those that are named after the run, runs the command on it, and draws."""
+    run = run_folders(words[:1] or ["runs/volos_small"])[0]
     TARGET.mkdir(parents=True, exist_ok=True)
-    found = {}
-    for name, fault in FAULTS.items():
-        surface = _planted(run, name, fault)
-        said = _checked(run, name, surface)
-        found[name] = said
-        print(f"{name}: {said}", file=sys.stderr)
-    (TARGET / "found.json").write_text(json.dumps(found, indent=1) + "\n")
+    page = TARGET / "found.json"
+    for name in words[1:] or FAULTS:
+        found = json.loads(page.read_text()) if page.is_file() else {}
+        found[name] = _checked(run, name, _planted(run, name, FAULTS[name]))
+        page.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
 
 
 def _planted(run: Path, name: str, fault: Callable[[np.ndarray], np.ndarray]) -> Path:
@@ -89,20 +91,23 @@ def _planted(run: Path, name: str, fault: Callable[[np.ndarray], np.ndarray]) ->
     path = run.parent / f"gallery_{name}.tif"
     with rasterio.open(run / "products" / "dsm.tif") as source:
         profile = {key: source.profile[key] for key in ("width", "height", "crs", "transform", "nodata", "dtype")}
-        wrong = fault(source.read(1))
+        part = Window(*_PART)
+        wrong = fault(source.read(1, window=part))
+        profile |= {"width": part.width, "height": part.height, "transform": source.window_transform(part)}
     with rasterio.open(path, "w", driver="GTiff", count=1, **profile) as target:
         target.write(wrong, 1)
     return path
 
 
-def _checked(run: Path, name: str, surface: Path) -> list[str]:
-    """Runs the check and draws it; the sentences of its verdict."""
-    from benchmarks.measured_run import orthomill
-
+def _checked(run: Path, name: str, surface: Path) -> dict[str, float | None]:
+    """Runs the check and draws it; figures of its report by name."""
     root, checked = run.parent.parent, f"gallery-{name}"
-    done = orthomill(root, "check", str(surface), "--project", run.name, "--name", checked)
+    done = orthomill(root, "check", str(surface), "--project", run.name, "--name", checked, "--sequential")
     if done.code != 0:
         raise SystemExit(f"The check of {surface} ended with {done.code}:\n{done.output[-2000:]}")
+    # What the command leaves beside other projects: neither is one.
+    (root / "workflows" / f"{checked}.yaml").unlink(missing_ok=True)
+    surface.unlink()
     products = root / "runs" / checked / "products"
     with rasterio.open(products / "dsm_check.tif") as product:
         band = {text.split(" ")[0]: k + 1 for k, text in enumerate(product.descriptions)}
@@ -110,4 +115,4 @@ def _checked(run: Path, name: str, surface: Path) -> list[str]:
     drawn = picture(dh, np.nan_to_num(code), REACH)
     cv2.imwrite(str(TARGET / f"{name}.jpg"), cv2.cvtColor(drawn, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
     summary = json.loads((products.parent / "summary.json").read_text())
-    return [f"{key}: {one['value']} {one['unit']}" for key, one in sorted(summary.items()) if re.match(r"dsm_check\.", key)]
+    return {figure: summary[f"dsm_check.{figure}"]["value"] for figure in _FIGURES}

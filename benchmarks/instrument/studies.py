@@ -346,7 +346,7 @@ _ALL = (
         "minutes",
         CHECK,
         "a finished run of volos_small",
-        "[RUN]",
+        "[RUN [FAULT ...]]",
         (),
     ),
     Study(

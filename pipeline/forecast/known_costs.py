@@ -119,7 +119,8 @@ def read_costs(folder: Path) -> RunCosts | None:
     """What a run has left; None when it has left nothing that this version can read."""
     try:
         return _RUN.validate_json((folder / COSTS).read_bytes())
-    except (FileNotFoundError, ValidationError):
+    # A file that lies among the folders of runs is none of them.
+    except (FileNotFoundError, NotADirectoryError, ValidationError):
         return None
 
 

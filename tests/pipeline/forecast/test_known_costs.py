@@ -108,6 +108,11 @@ def test_costs_that_cannot_be_read_are_as_good_as_none(tmp_path):
     assert read_costs(tmp_path) is None
 
 
+def test_a_file_among_the_runs_is_no_run(tmp_path):
+    (tmp_path / "model.tif").write_text("put there by hand")
+    assert expectations(tmp_path / "site", 12.0, 512) is not None
+
+
 def test_the_blocks_measured_at_release_have_all_stages_of_a_map():
     runs, compiling = measured_at_release()
     assert {"photos", "tie_points", "orientation", "epipolar", "densification", "dsm_check", "texture"} <= set(
