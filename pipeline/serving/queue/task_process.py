@@ -87,7 +87,7 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
         crs = wishes.settings.get("crs")
         _command(order, folder, ["init", PROJECT, "--photos", folder.images.name, *(["--crs", str(crs)] if crs else [])])
         workflow.rename(start)
-    write_wished_workflow(start, workflow, wishes)
+    folder.say(*write_wished_workflow(start, workflow, wishes))
     told = ToldRun(folder.progress())
     _command(order, folder, _run_words(order, wishes), told)
     folder.say("Files are written for the client.")

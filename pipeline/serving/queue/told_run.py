@@ -9,6 +9,10 @@ from orthomill.pipeline.serving.queue.task_state import TaskProgress
 
 _OF_THIS_MACHINE = re.compile(r"https?://(127\.|localhost)")
 """Addresses of the dashboard and the map hold their secrets, and are for nobody elsewhere."""
+_STEPS = 20
+"""lines of progress of a run, at most"""
+_FOR_THE_TERMINAL = "is written; read it, then:"
+"""what `init` advises whoever sits there"""
 _UNCOLOURED = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
@@ -24,7 +28,7 @@ class ToldRun:
     traced: list[str] = field(default_factory=list)
     """lines of a traceback: for whoever runs the node, not for those who gave the task"""
     _tracing: bool = False
-    _ended: set[str] = field(default_factory=set)
+    _step: int = 0
 
     def take(self, line: str) -> list[str]:
         """The lines that people are told for a line of the run."""
@@ -35,7 +39,7 @@ class ToldRun:
         if told is None:
             if text.startswith("error:"):
                 self.error = text.removeprefix("error:").strip()
-            return [text] if text and not _OF_THIS_MACHINE.search(text) else []
+            return [text] if text and not _OF_THIS_MACHINE.search(text) and _FOR_THE_TERMINAL not in text else []
         if told.get("event") == "progress":
             return self._progress(told)
         if told.get("event") == "end":
@@ -57,20 +61,22 @@ class ToldRun:
 
     def _progress(self, told: dict[str, Any]) -> list[str]:
         share, left = told.get("share"), told.get("left_seconds")
-        lines, current = [], self.progress.stage
+        known = max(float(share), self.progress.share) if isinstance(share, int | float) else self.progress.share
+        seconds = left if isinstance(left, int | float) else None
+        stage, counts = self.progress.stage, ""
         for kind, count in told.get("stages", {}).items():
             ended = sum(count.get(name, 0) for name in ("skipped", "done", "failed", "blocked"))
-            planned = count.get("planned", 0)
-            if planned and ended >= planned and kind not in self._ended:
-                self._ended.add(kind)
-                failed = f", {count['failed']} failed" if count.get("failed") else ""
-                lines.append(f"[{told.get('seconds', 0):.0f} s] {kind}: {planned} jobs done{failed}")
-            elif planned and ended < planned:
-                current = kind
-        seconds = left if isinstance(left, int | float) else None
-        known = max(float(share), self.progress.share) if isinstance(share, int | float) else self.progress.share
-        self.progress = self.progress.model_copy(update={"share": min(known, 1.0), "left_seconds": seconds, "stage": current})
-        return lines
+            if ended < (planned := count.get("planned", 0)):
+                stage, counts = kind, f"; {kind}: {ended} of {planned} jobs"
+                break
+        told_now = {"share": min(known, 1.0), "left_seconds": seconds, "stage": stage}
+        self.progress = self.progress.model_copy(update=told_now)
+        step = int(_STEPS * known)
+        if step <= self._step:
+            return []
+        self._step = step
+        remaining = f", about {seconds / 60:.0f} min left" if seconds is not None and seconds >= 90 else ""
+        return [f"[{told.get('seconds', 0):.0f} s] {100 * min(known, 0.99):.0f} % of the work{remaining}{counts}"]
 
     def _end(self, told: dict[str, Any]) -> list[str]:
         self.verdict = str(told.get("verdict", ""))

@@ -50,6 +50,8 @@ def wished_workflow(start: dict[str, Any], wishes: Wishes) -> dict[str, Any]:
     kinds = {stage["kind"]: stage for stage in stages}
     for place, value in wishes.settings.items():
         first, *rest = place.split(".")
+        if first == "positions" and _kind(start) == "none":
+            continue
         if first in kinds and rest:
             _set(kinds[first], rest, value)
         elif first in wishes.left_out:
@@ -60,6 +62,18 @@ def wished_workflow(start: dict[str, Any], wishes: Wishes) -> dict[str, Any]:
         _set(wished, ["grid", "kind"], "map")
         _set(wished, ["grid", "area"], list(_extent(wishes.boundary, wished.get("crs"))))
     return wished
+
+
+def not_kept(start: dict[str, Any], wishes: Wishes) -> list[str]:
+    """Sentences about what is wished for and cannot be."""
+    placeless = _kind(start) == "none" and any(place.startswith("positions.") for place in wishes.settings)
+    return ["Not used: the accuracy of positions, for no photograph has one."] if placeless else []
+
+
+def _kind(start: dict[str, Any]) -> Any:
+    """How a workflow knows the positions of its photographs."""
+    positions = start.get("positions")
+    return positions.get("kind") if isinstance(positions, dict) else None
 
 
 def _set(values: dict[str, Any], path: list[str], value: Any) -> None:
@@ -80,11 +94,13 @@ def _extent(boundary: tuple[tuple[float, float], ...], crs: Any) -> tuple[float,
     return min(xs), min(ys), max(xs), max(ys)
 
 
-def write_wished_workflow(start: Path, target: Path, wishes: Wishes) -> None:
-    """From the workflow that `init` wrote to the one that is run. Raises WorkflowError and StoreError."""
+def write_wished_workflow(start: Path, target: Path, wishes: Wishes) -> list[str]:
+    """From the workflow that `init` wrote to the one that is run; sentences about what cannot be as wished. Raises WorkflowError
+    and StoreError."""
     try:
         found = yaml.safe_load(start.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise WorkflowError(f"The starting workflow {start.name} cannot be read: {error}.") from error
     text = yaml.safe_dump(wished_workflow(found, wishes), sort_keys=False, allow_unicode=True)
     write_whole(target, text.encode())
+    return not_kept(found, wishes)

@@ -10,7 +10,7 @@ from orthomill.pipeline.serving.node.odm_options import ODM_OPTIONS
 from orthomill.pipeline.serving.node.offered_settings import TURNED
 from orthomill.pipeline.serving.node.task_options import TaskOptions
 from orthomill.pipeline.serving.queue.task_state import GivenOption
-from orthomill.pipeline.serving.queue.wishes import Wishes, wished_workflow, write_wished_workflow
+from orthomill.pipeline.serving.queue.wishes import Wishes, not_kept, wished_workflow, write_wished_workflow
 from orthomill.pipeline.workflow.workflow_file import load_workflow
 from orthomill.schemas.errors import OrthomillError, WorkflowError
 from orthomill.tasks.catalogue import STAGES
@@ -158,6 +158,14 @@ def test_a_boundary_needs_a_system():
     wanted = Wishes(boundary=((21.0, 39.0), (21.1, 39.0), (21.0, 39.1)))
     with pytest.raises(WorkflowError, match="needs a reference system"):
         wished_workflow({**START, "crs": None}, wanted)
+
+
+def test_the_accuracy_of_positions_means_nothing_without_them():
+    start = {**START, "positions": {"kind": "none"}}
+    wanted = asked({"gps-accuracy": 0.1})
+    assert wished_workflow(start, wanted)["positions"] == {"kind": "none"}
+    assert not_kept(start, wanted) == ["Not used: the accuracy of positions, for no photograph has one."]
+    assert not_kept(START, wanted) == [] == not_kept(start, Wishes())
 
 
 def test_wishes_survive_json():
