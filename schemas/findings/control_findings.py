@@ -56,7 +56,7 @@ class ControlElsewhere(_OfControl):
 
     def _advice(self) -> str:
         if self.fits is None:
-            return "check the reference system, the order of the axes and the zone"
+            return "check whether the list is of this site, and the reference system, the order of the axes and the zone"
         system = "" if self.fits == self.crs else f"in {self.fits}"
         # In degrees people exchange latitude and longitude, on a map X and Y.
         axes = "latitude before longitude" if self.fits == GEOGRAPHIC else "X and Y exchanged"

@@ -233,5 +233,7 @@ def _on_another_site(given: np.ndarray, xyz: np.ndarray, photos: Photos, own: st
         return None
     # The report names the remedy where one of the usual mistakes explains the distance.
     fits = fitting_system(given, own, crs, site[:2])
-    remedy = {"fits": fits.crs, "exchanged": fits.exchanged} if fits else {}
+    # Some kilometres off in the system that it names, it is control of another site.
+    named = fits is not None and fits.crs == own and not fits.exchanged
+    remedy = {"fits": fits.crs, "exchanged": fits.exchanged} if fits and not named else {}
     return ControlElsewhere(points=len(xyz), crs=own, distance_m=distance, **remedy)

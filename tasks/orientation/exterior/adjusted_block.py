@@ -291,7 +291,10 @@ def _without_miscounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[
         return have, ()
     # Their coordinates stay, so that the report lists the points; without marks they take no part.
     points = tuple(point.model_copy(update={"measurements": {}}) for point in have.control.points)
-    return replace(have, control=have.control.model_copy(update={"points": points, "distances": ()})), (found,)
+    control = have.control.model_copy(update={"points": points, "distances": ()})
+    # Without control the constants of cameras known from tags cannot be told from the flying height.
+    interior = interior_prior(have.material.cameras, have.choices.interior, True)
+    return replace(have, control=control, material=replace(have.material, interior=interior)), (found,)
 
 
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:

@@ -40,6 +40,7 @@ def test_control_is_elsewhere_beyond_three_kilometres_or_ten_times_extent_and_he
     """Extent 10 m and height 300 m: 3.1 km."""
     found = control(PLACE[0] + 1000.0 * km, PLACE[1])
     assert [f.code for f in found.findings] == (["control_elsewhere"] if aside else [])
+    assert all("check whether the list is of this site" in f.sentence for f in found.findings), "no other system explains it"
     assert len(found.points) == (0 if aside else 1)
 
 
@@ -106,7 +107,7 @@ ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({}, "check the reference system, the order of the axes and the zone."),
+        ({}, "check whether the list is of this site, and the reference system, the order of the axes and the zone."),
         ({"fits": "EPSG:2100", "exchanged": True}, "they would be there with X and Y exchanged."),
         ({"fits": "EPSG:32635"}, "they would be there in EPSG:32635."),
         ({"fits": "EPSG:4326", "exchanged": True}, "they would be there in EPSG:4326 with latitude before longitude."),

@@ -106,7 +106,10 @@ def test_what_heights_count_from_is_told():
     [
         (lambda xyz: as_system(xyz, "EPSG:32634"), "would be there in EPSG:32634"),
         (lambda xyz: as_system(xyz, "EPSG:32634")[:, [1, 0, 2]], "would be there in EPSG:32634 with X and Y exchanged"),
-        (lambda xyz: xyz + np.array([9e6, 0, 0]), "check the reference system, the order of the axes and the zone"),
+        (
+            lambda xyz: xyz + np.array([9e6, 0, 0]),
+            "check whether the list is of this site, and the reference system, the order of the axes and the zone",
+        ),
     ],
 )
 def test_control_of_another_site_is_named_with_the_system_that_fits(change, fit):
