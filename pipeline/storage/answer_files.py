@@ -132,10 +132,15 @@ def _blob(feature: DrawnFeature, system: int) -> bytes:
     places = feature.places.tolist()
     if feature.kind == "point":
         return _point_blob(places[0][0], places[0][1], system)
-    ring = [*places, places[0]] if feature.kind == "polygon" else places
-    flat = struct.pack(f"<I{2 * len(ring)}d", len(ring), *(value for place in ring for value in place))
-    wkb = struct.pack("<BI", 1, 2) + flat if feature.kind == "line" else struct.pack("<BII", 1, 3, 1) + flat
-    return _head(system) + wkb
+    if feature.kind == "line":
+        return _head(system) + struct.pack("<BI", 1, 2) + _places(places)
+    rings = [_places([*ring, ring[0]]) for ring in (places, *(hole.tolist() for hole in feature.holes))]
+    return _head(system) + struct.pack("<BII", 1, 3, len(rings)) + b"".join(rings)
+
+
+def _places(places: list[list[float]]) -> bytes:
+    """A list of X, Y with its length before it."""
+    return struct.pack(f"<I{2 * len(places)}d", len(places), *(value for place in places for value in place))
 
 
 def _point_blob(x: float, y: float, system: int) -> bytes:

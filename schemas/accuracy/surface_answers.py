@@ -12,12 +12,14 @@ FeatureKind = Literal["point", "line", "polygon"]
 
 @dataclass(frozen=True)
 class DrawnFeature:
-    """A point, a line or a polygon (its outer ring, the last corner is not the first one again) on the map."""
+    """A point, a line or a polygon (outer ring and holes; the last corner is not the first one again) on the map."""
 
     name: str
     kind: FeatureKind
     places: np.ndarray
     """(N, 2) X, Y m in the project's system"""
+    holes: tuple[np.ndarray, ...] = ()
+    """rings (N, 2) of what lies inside of a polygon and is not part of it"""
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,18 @@ def test_answers_about_a_ramp():
     assert found.profiles[2].height == pytest.approx(12, abs=1e-3)
 
 
+def test_what_lies_in_a_hole_is_not_part_of_a_polygon():
+    """A field of 40 x 40 m with a yard of 10 x 10 m taken out, on the ramp."""
+    outer = np.array([[1010.0, 1910.0], [1050.0, 1910.0], [1050.0, 1950.0], [1010.0, 1950.0]])
+    hole = np.array([[1030.0, 1920.0], [1040.0, 1920.0], [1040.0, 1930.0], [1030.0, 1930.0]])
+    features = (DrawnFeature("field", "polygon", outer, (hole,)), DrawnFeature("yard", "polygon", hole))
+    by = {(a.feature, a.quantity): a for a in measure(Ramp(), features, MeasureRules(level=10.0, corner=0.1, step=5.0)).answers}
+    assert by["field", "area in plan"].value == pytest.approx(1500)
+    assert by["field", "area in plan"].sigma == pytest.approx(np.hypot(area_of(outer, 0.1)[1], by["yard", "area in plan"].sigma))
+    assert by["field", "volume"].value == pytest.approx(40 * 40 * 3 - 10 * 10 * 3.5, rel=0.002)
+    assert by["field", "volume"].datum_share == pytest.approx(150, rel=0.01)
+
+
 def test_what_lies_elsewhere_is_said_so():
     with pytest.raises(GeometryError, match="far lies outside"):
         measure(Ramp(), (DrawnFeature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())

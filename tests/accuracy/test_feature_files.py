@@ -31,6 +31,18 @@ def test_a_geopackage_of_answers_is_read_back_as_features(tmp_path):
         np.testing.assert_array_equal(one.places, other.places)
 
 
+def test_a_polygon_keeps_its_holes_there_and_back(tmp_path):
+    ring, hole = FEATURES[2].places, np.array([[500005.0, 4000001.0], [500008.0, 4000001.0], [500008.0, 4000004.0]])
+    feature = DrawnFeature("c", "polygon", ring, (hole,))
+    answers = MeasuredAnswers((SurfaceAnswer("c", "area", 1.0, 0.1, "m2"),), (), "")
+    write_answers(tmp_path / "out.gpkg", answers, (feature,), "EPSG:32634")
+    (found,) = read_features(tmp_path / "out.gpkg", "EPSG:32634")
+    np.testing.assert_array_equal(found.places, ring)
+    np.testing.assert_array_equal(found.holes[0], hole)
+    (moved,) = read_features(tmp_path / "out.gpkg", "EPSG:2100")
+    assert np.abs(moved.holes[0] - moved.places[0]).max() < 12 and abs(moved.holes[0][0, 0] - 500005) > 100
+
+
 def test_geojson_is_in_degrees_and_is_moved(tmp_path):
     collection = {
         "features": [

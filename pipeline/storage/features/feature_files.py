@@ -40,15 +40,20 @@ def _moved(feature: DrawnFeature, system: str | None, crs: str) -> DrawnFeature:
     if system is None or own == target:
         return feature
     plan = target.sub_crs_list[0] if target.is_compound else target
-    x, y = Transformer.from_crs(own, plan, always_xy=True).transform(feature.places[:, 0], feature.places[:, 1])
-    return DrawnFeature(feature.name, feature.kind, np.column_stack([x, y]))
+    change = Transformer.from_crs(own, plan, always_xy=True)
+    places, *holes = (np.column_stack(change.transform(*ring.T)) for ring in (feature.places, *feature.holes))
+    return DrawnFeature(feature.name, feature.kind, places, tuple(holes))
 
 
 def _feature(name: str, kind: FeatureKind, places: Any) -> DrawnFeature:
-    found = np.array(places, np.float64).reshape(-1, np.shape(places)[-1])[:, :2]
-    if kind == "polygon" and len(found) > 1 and np.array_equal(found[0], found[-1]):
-        found = found[:-1]
-    return DrawnFeature(name, kind, found)
+    if kind != "polygon":
+        return DrawnFeature(name, kind, _rows(places))
+    outer, *holes = (ring[:-1] if len(ring) > 1 and np.array_equal(ring[0], ring[-1]) else ring for ring in map(_rows, places))
+    return DrawnFeature(name, kind, outer, tuple(hole for hole in holes if len(hole) > 2))
+
+
+def _rows(places: Any) -> np.ndarray:
+    return np.array(places, np.float64).reshape(-1, np.shape(places)[-1])[:, :2]
 
 
 def _of_csv(path: Path) -> Iterator[Geometry]:
@@ -70,15 +75,13 @@ def _is_number(text: str) -> bool:
 
 
 def _parts(kind: str, places: Any) -> Iterator[tuple[FeatureKind, Any]]:
-    """Single geometries; of polygons the outer ring."""
+    """Single geometries; of polygons all rings."""
     if kind.startswith("Multi"):
         for one in places:
             yield from _parts(kind.removeprefix("Multi"), one)
     elif kind not in _KINDS:
         raise ValueError(f"geometries of kind {kind} are not measured")
     elif kind == "Polygon":
-        if len(places) > 1:
-            raise ValueError("polygons with holes are not measured; draw hole and outline as polygons of their own")
-        yield "polygon", places[0]
+        yield "polygon", places
     else:
         yield _KINDS[kind], [places] if kind == "Point" else places

@@ -151,8 +151,11 @@ def _polygon(
     rules: MeasureRules,
 ) -> Iterator[SurfaceAnswer]:
     grid = surface.grid
-    share = inside_share(_pixels(grid, window, feature.places), window.shape)
-    area, area_sigma = area_of(feature.places, rules.corner)
+    share, *taken_out = (inside_share(_pixels(grid, window, ring), window.shape) for ring in (feature.places, *feature.holes))
+    # Holes are subtracted from what is left: where drawings cross, nothing is taken out twice.
+    for hole in taken_out:
+        share = np.maximum(share - hole, 0.0)
+    area, area_sigma = _area(feature, rules.corner)
     yield SurfaceAnswer(feature.name, "area in plan", area, area_sigma, "m2", note="the corners' own errors")
     base, words, other = _base(rules, window)
     if not (np.isfinite(part.height) & (share > 0)).any():
@@ -200,7 +203,13 @@ def _of_corners(
     if base is None or not edge.any():
         return 0.0  # the plane passes through the border
     high = float(np.nanmean(np.abs(part.height[edge] - (base[edge] if isinstance(base, np.ndarray) else base))))
-    return high * area_of(feature.places, sigma)[1]
+    return high * _area(feature, sigma)[1]
+
+
+def _area(feature: DrawnFeature, sigma: float) -> tuple[float, float]:
+    """Area in plan without the holes, m2, and its standard error."""
+    (outer, error), *holes = (area_of(ring, sigma) for ring in (feature.places, *feature.holes))
+    return outer - sum(area for area, _ in holes), math.hypot(error, *(of_hole for _, of_hole in holes))
 
 
 def _reservations(found: VolumeAnswer) -> Iterator[str]:
