@@ -33,6 +33,7 @@ class Topic(StrEnum):
     ORTHOIMAGE = "Orthoimage"
     ACCURACY_PLAN = "Accuracy in plan"
     ACCURACY_HEIGHT = "Accuracy in height"
+    CHECK = "Photographs against the surface"
     PRECISION = "Precision of the block"
     REFERENCE = "Reference system"
     CAMERA = "Camera"
@@ -41,6 +42,8 @@ class Topic(StrEnum):
     TIME = "Time"
 
 
+WHERE_CHECKED = (Topic.CHECK,)
+"""Told where a check answers it: a survey without one was not asked."""
 OF_A_CAMERA = (Topic.CAMERA, Topic.CAMERA_RESIDUALS, Topic.CAMERA_CHECK)
 """Told where a calibration answers them; all others are what every survey is asked, once it has a place on the ground."""
 

@@ -12,7 +12,7 @@ from typing import Literal
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.signing.product_classes import product_classes
-from orthomill.schemas.stage_report import OF_A_CAMERA, Product, StageReport, Topic
+from orthomill.schemas.stage_report import OF_A_CAMERA, WHERE_CHECKED, Product, StageReport, Topic
 
 Reports = Mapping[str, StageReport]
 """The present report of every stage that has one, by kind."""
@@ -218,7 +218,7 @@ def _answers(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts) ->
         given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
     given[Topic.TIME] = _time(run)
     for topic in Topic:
-        if topic in given or (surveyed and topic not in OF_A_CAMERA):
+        if topic in given or (surveyed and topic not in (*OF_A_CAMERA, *WHERE_CHECKED)):
             yield str(topic), given.get(topic, NOT_DETERMINED)
 
 

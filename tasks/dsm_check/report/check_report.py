@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport, Verdict
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
 from orthomill.tasks.dsm_check.areas import CoarseBlocks, SuspiciousArea, Trend, fitted_trend, suspicious_areas
@@ -108,6 +108,7 @@ def report(
     losses = (*area_warnings(areas, trend, blocks.words), *beyond_warning(tiles, blocks.grid.cell))
     found = StageReport(
         verdict=_verdict(tiles, whole, pairs, detectable, blocks),
+        answers=(_answer(tiles, whole, len(areas)),),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
             Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
@@ -390,6 +391,15 @@ def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs,
         width = f", {blocks.wide:.2g} m wide or more," if blocks.wide else ""
         words += f"; there {blocks.words.one} of {detectable:.2g} m{width} would have been found"
     return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
+
+
+def _answer(tiles: tuple[TileCounts, ...], whole: Summary, areas: int) -> Answer:
+    """What the check says to somebody who has asked for nothing else."""
+    if not whole.number:
+        return Answer(topic=Topic.CHECK, text="nothing could be checked")
+    share = _share(sum(tile.checked for tile in tiles), sum(tile.heights for tile in tiles))
+    look = f"{areas} areas to look at" if areas > 1 else "one area to look at" if areas else "no area stands out"
+    return Answer(topic=Topic.CHECK, text=f"agree to {whole.nmad:.2g} m (robust spread) at {share:.0f} % of the heights; {look}")
 
 
 def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs, own: bool) -> Iterator[str]:

@@ -8,7 +8,7 @@ from orthomill.schemas.errors import some_of
 from orthomill.schemas.observations import TiePointCounts, TiePoints
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
+from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, StageReport, Topic, Verdict
 from orthomill.tasks.tie_points.block_strength import FRAME_CELLS, WEAK, Strength, measure
 from orthomill.tasks.tie_points.match_records import Links, Observations, PairSummary, Refined, Scatters
 from orthomill.tasks.tie_points.repeated_photographs import repeated_photographs
@@ -42,6 +42,7 @@ def finish(
     strength = measure(points, photos)
     report = StageReport(
         verdict=_verdict(strength),
+        answers=(_answer(photos, strength),),
         doubts=tuple(_doubts(photos, strength)),
         losses=tuple(_other_warnings(photos, strength, summaries)),
         figures=(
@@ -186,6 +187,13 @@ def _verdict(strength: Strength) -> Verdict:
     level: Literal["good", "fair", "poor"] = "poor" if parts > 1 else "good" if fewest >= WEAK else "fair"
     weakest = f"the weakest photograph has {fewest}"
     return Verdict(level=level, sentence=f"{len(strength.rays)} tie points {connected}; {weakest}.")
+
+
+def _answer(photos: Photos, strength: Strength) -> Answer:
+    """Which photographs belong together; replaced by what the orientation makes of it."""
+    tied = max(map(len, strength.parts), default=0)
+    count = "all" if tied == len(photos.names) else f"{tied} of"
+    return Answer(topic=Topic.PHOTOGRAPHS, text=f"{count} {len(photos.names)} tied to each other")
 
 
 def _doubts(photos: Photos, strength: Strength) -> Iterator[str]:

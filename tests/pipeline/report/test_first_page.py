@@ -5,7 +5,7 @@ import pytest
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun
 from orthomill.pipeline.report.first_page import NOT_DETERMINED, first_page
 from orthomill.pipeline.report.present_reports import in_own_lengths
-from orthomill.schemas.stage_report import OF_A_CAMERA, Answer, Product, StageReport, Topic, Verdict
+from orthomill.schemas.stage_report import OF_A_CAMERA, WHERE_CHECKED, Answer, Product, StageReport, Topic, Verdict
 
 STAGES = (("simulation", "Simulated"), ("orientation", "Orientation"), ("texture", "Orthoimage"))
 
@@ -83,7 +83,7 @@ def test_every_question_is_answered_and_a_later_stage_knows_better(tmp_path):
     )
     reports = {"orientation": earlier, "texture": StageReport(answers=(Answer(topic=Topic.GROUND_PIXEL, text="0.5 m"),))}
     answers = dict(page(reports, folder=tmp_path).answers)
-    assert list(answers) == [str(topic) for topic in Topic if topic not in OF_A_CAMERA]
+    assert list(answers) == [str(topic) for topic in Topic if topic not in (*OF_A_CAMERA, *WHERE_CHECKED)]
     assert answers[Topic.GROUND_PIXEL] == "0.5 m" and answers[Topic.REFERENCE] == "EPSG:2100, heights: x"
     assert answers[Topic.AREA] == NOT_DETERMINED
 

@@ -89,7 +89,10 @@ class MemoryProject:
     def _execute(self, job: Job) -> None:
         assert misfit(job) is None, misfit(job)
         result = job.function(**{name: self._read_all(reading) for name, reading in job.reads.items()}, **job.params)
-        result = result._asdict() if hasattr(result, "_fields") else {next(iter(job.writes)): result}
+        if hasattr(result, "_fields"):
+            result = result._asdict()
+        elif not (isinstance(result, dict) and result.keys() == job.writes.keys()):
+            result = {next(iter(job.writes)): result}
         assert all(value is None for name, value in result.items() if name not in job.writes)
         for name, region in job.writes.items():
             self._write(region, result[name])
