@@ -81,3 +81,33 @@ class PairForms:
     unknowns: tuple[PairUnknown, ...]
     failed_start: tuple[int, float] | None = None
     """matches kept and sigma0 (px) of the published start at zero, where it went wrong and five points gave another"""
+
+
+@dataclass(frozen=True)
+class GrownUnknown:
+    """An unknown of the dependent relative orientation with its standard error, in its unit."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class GrownPair:
+    """Two photographs matched by region growing: from so many `seeds` of so many `nodes` the `matches` (N, 4) px (col, row on the
+    left, on the right) with their standard errors `sigma` (N,) px of a coordinate on the right.
+
+    Where the cameras are known: from `related` of them, of which `kept` agree, the dependent relative orientation with `sigma0_px`.
+    """
+
+    seeds: int
+    nodes: int
+    matches: np.ndarray
+    sigma: np.ndarray
+    related: int = 0
+    kept: int = 0
+    sigma0_px: float = float("nan")
+    unknowns: tuple[GrownUnknown, ...] = ()
+    turned: bool = False
+    """whether both image systems are turned by a quarter, so that the base lies along x"""

@@ -8,6 +8,7 @@ from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
 from orthomill.tasks.flight_outlook import look_ahead
 from orthomill.tasks.geometry.topocentric import place_on_earth
+from orthomill.tasks.grown_pair import GrowthRules, constants_of, grown_pair
 from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
@@ -23,6 +24,7 @@ from orthomill.tasks.projection.model.height_patch import height_patch
 __all__ = [
     "SURVEY_BLOCK",
     "SURVEY_POINTS",
+    "GrowthRules",
     "Inspector",
     "OrientedProject",
     "StoredCovariance",
@@ -30,7 +32,9 @@ __all__ = [
     "accepted",
     "as_glb",
     "classical_forms",
+    "constants_of",
     "given_points",
+    "grown_pair",
     "handed_files",
     "height_patch",
     "inspected",

@@ -56,3 +56,36 @@ def relative(
         forms = pair_forms(load_project(name).run_folder, left, right, classical_forms)
         for line in [as_json(forms)] if json else relative_lines(forms):
             typer.echo(line)
+
+
+@lookups.command()
+def grow(
+    left: Annotated[Path, typer.Argument(help="A photograph.")],
+    right: Annotated[Path, typer.Argument(help="Another one of the same ground.")],
+    seeds: Annotated[
+        Path | None,
+        typer.Option(help="List: col and row on the left, col and row on the right, px; found by features when left out."),
+    ] = None,
+    step: Annotated[int, typer.Option(help="Distance of the nodes, px.", min=2, max=256)] = 16,
+    window: Annotated[int, typer.Option(help="Side of the matching window, px, an odd number.", min=7, max=61)] = 21,
+    c: Annotated[float | None, typer.Option(help="Camera constant, px; that of the EXIF tags when left out.", min=1.0)] = None,
+    output: Annotated[Path | None, typer.Option(help="The CSV of the matches to write.")] = None,
+    debug: Debug = False,
+) -> None:
+    """Match two photographs of which nothing is known by region growing, and relate them by what has grown."""
+    from orthomill.pipeline.cli.lookups.grown_photographs import grey_of, grown_lines, matches_csv, read_seeds
+    from orthomill.pipeline.storage.whole_files import write_whole
+    from orthomill.schemas.errors import WorkflowError
+    from orthomill.tasks.lookups import GrowthRules, constants_of, grown_pair
+
+    with plain_errors(debug):
+        if window % 2 == 0:
+            raise WorkflowError(f"A window of {window} px has no middle pixel; give an odd number.")
+        (first, one), (second, other) = grey_of(left), grey_of(right)
+        constants = (c, c) if c else constants_of((first, second))
+        pair = grown_pair(one, other, None if seeds is None else read_seeds(seeds), GrowthRules(step, window, constants))
+        for line in grown_lines(pair):
+            typer.echo(line)
+        if output is not None:
+            write_whole(output, matches_csv(pair).encode())
+            out.print(f"{output}: {len(pair.matches)} matches", soft_wrap=True)
