@@ -44,7 +44,7 @@ def test_a_study_runs_from_words_and_measures_code_that_exists(study):
 
 def test_every_page_belongs_to_one_study_and_begins_with_command_commit_machine_and_date():
     owners = {page: study for study in STUDIES.values() for pattern in study.written for page in ROOT.glob(pattern)}
-    pages = [*(ROOT / "benchmarks" / "results").glob("*.md"), ROOT / "docs" / "compare.md"]
+    pages = [*(ROOT / "benchmarks" / "results").glob("*.md"), ROOT / "docs" / "compare.md", ROOT / "docs" / "mission.md"]
     assert set(pages) == set(owners)
     heads = {page.name: (head_of(page), owners[page].name) for page in pages}
     assert not [name for name, (head, study) in heads.items() if head is None or head.command.split()[3] != study]

@@ -158,6 +158,13 @@ _ALL = (
         ("tasks/adjustment", "tasks/geometry"),
     ),
     Study(
+        "published_points",
+        "orientation.published_points",
+        "coefficients, control and tie points of published applications",
+        "minutes",
+        ("tasks/adjustment", "tasks/geometry"),
+    ),
+    Study(
         "planted_layouts",
         "orientation.planted_layouts",
         "sixty layouts with planted blunders: what is named",
@@ -227,6 +234,22 @@ _ALL = (
         "published standard errors beside simulated ones",
         "minutes",
         BOARDS,
+    ),
+    Study(
+        "published_subsets",
+        "calibration.published_subsets",
+        "published calibrations of few photographs, and calibrated constants",
+        "seconds",
+        BOARDS,
+    ),
+    # the page of the whole
+    Study(
+        "mission",
+        "mission.mission_page",
+        "every published system: how to reach it, its published value and ours, from the pages of results",
+        "seconds",
+        (),
+        pages=("docs/mission.md",),
     ),
     # matching and surfaces
     Study(
