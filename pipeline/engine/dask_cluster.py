@@ -1,4 +1,4 @@
-"""Starts or finds the Dask cluster that jobs run on. One of the three files that import Dask.
+"""Starts or finds the Dask cluster that jobs run on. One of the four files that import Dask.
 
 A Dask cluster runs whatever it is told by anyone who reaches it. A cluster of this machine therefore listens on 127.0.0.1 only,
 talks TLS with a certificate that exists in the memory of its processes, for this run, and has a dashboard with a secret address. If
@@ -43,7 +43,7 @@ NOTHING = logging.CRITICAL + 1
 LOST = (CommClosedError, TimeoutError, OSError, RuntimeError, AttributeError)
 """What Dask raises when it is used after its scheduler has gone: besides its own error whatever the missing parts cause."""
 
-_SETTINGS = {
+SETTINGS = {
     "distributed.scheduler.allowed-failures": 2,
     # Results are keys, not arrays: spilling them frees nothing, and a worker that keeps freed memory (see below) would stay paused.
     "distributed.worker.memory.spill": False,
@@ -106,10 +106,10 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
 
     Raises ResourceError when the processes do not start, SchedulerLost when their scheduler goes.
     """
-    _silence()
+    silence()
     secret = new_secret()
     link = {"distributed.dashboard.link": f"{{scheme}}://{{host}}:{{port}}/{secret}/status"}
-    with dask.config.set(_SETTINGS | link):
+    with dask.config.set(SETTINGS | link):
         try:
             with _ctrl_c_blocked():
                 cluster = _started(workers, memory, port, secret)
@@ -122,7 +122,7 @@ def local_client(workers: int, memory: int, port: int) -> Iterator[Client]:
                 "'orthomill doctor', or run with --sequential, which needs none."
             ) from error
         try:
-            with _open(Client(cluster), "of this machine", "free memory or processors if the machine is overloaded") as client:
+            with opened(Client(cluster), "of this machine", "free memory or processors if the machine is overloaded") as client:
                 _check_program(client, "its files may have changed meanwhile, so run the same command again")
                 yield client
         finally:
@@ -207,7 +207,7 @@ def _allow_memory(memory: int, dask_worker: Nanny) -> None:
 
 
 @contextmanager
-def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
+def opened(client: Client, where: str, advice: str) -> Iterator[Client]:
     """A client, whose end never hides the reason for which the run ends. Raises SchedulerLost."""
     try:
         yield client
@@ -224,7 +224,7 @@ def _open(client: Client, where: str, advice: str) -> Iterator[Client]:
             client.close(timeout=CLOSING)
 
 
-def _silence() -> None:
+def silence() -> None:
     """What these libraries would log with tracebacks, the loss of a connection above all, is reported in one sentence."""
     for name in ("distributed", "distributed.client", "tornado", "asyncio", "bokeh"):
         logging.getLogger(name).setLevel(NOTHING)
@@ -265,14 +265,14 @@ def remote_client(address: str, tls: tuple[Path, Path, Path] | None = None) -> I
     With `tls` (certificate of an authority, own certificate, own key) everything is encrypted, and both sides must have a
     certificate of that authority.
     """
-    _silence()
+    silence()
     try:
         reached = Client(address, timeout=ANSWER, security=_security(tls))
     except (OSError, TimeoutError, ValueError, TypeError, RuntimeError) as error:
         raise ResourceError(
             f"No Dask scheduler answers at {address} ({error}); start one with 'dask scheduler' or leave --scheduler out."
         ) from error
-    with _open(reached, f"at {address}", "restart the cluster") as client:
+    with opened(reached, f"at {address}", "restart the cluster") as client:
         yield client
 
 

@@ -1,4 +1,4 @@
-"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the three files that import Dask.
+"""Runs jobs on Dask: worker processes of this machine, or any existing cluster. One of the four files that import Dask.
 
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. A worker has one thread and does one job at a
 time, so that its memory is that of a job; one that has too little for a job does not get it. A job that needs more than a worker's
@@ -25,7 +25,7 @@ from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
 from orthomill.pipeline.engine.worker_terms import Declined, Terms, objection
-from orthomill.pipeline.engine.workforce import NOBODY, Workforce
+from orthomill.pipeline.engine.workforce import DESERTED, NOBODY, Workforce
 from orthomill.pipeline.records.records import Key
 
 WAVE = 2000
@@ -88,13 +88,14 @@ class DaskRunner:
         room: int = 0,
         terms: Terms | None = None,
         say: Callable[[str], None] = lambda line: None,
+        patience: float = DESERTED,
     ) -> None:
         self.memory_limit = memory_limit
         self.room = max(memory_limit, room)
         self.description = description
         self.dashboard = client.dashboard_link
         self.client = client
-        self.workforce = Workforce(client, say)
+        self.workforce = Workforce(client, say, patience)
         self._terms = terms
         self._waiting: deque[Order] = deque()
         self._orders: dict[Key, Order] = {}

@@ -19,6 +19,7 @@ from typing import Protocol
 import psutil
 
 from orthomill import __version__
+from orthomill.pipeline.engine.clusters.cluster_file import StartedCluster
 from orthomill.pipeline.engine.foresight import Foresight, photograph_pixels
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_asked
@@ -61,18 +62,25 @@ class Options:
     sequential: bool = False
     scheduler: str | None = None
     port: int = 8787
+    cluster: StartedCluster | None = None
+    """a cluster that this run starts itself"""
     tls: tuple[Path, Path, Path] | None = None
     """certificate of the authority, own certificate and own key for the scheduler of an existing cluster"""
 
     @property
     def processes(self) -> int:
-        return self.workers or os.cpu_count() or 1
+        return self.workers or (self.cluster.workers if self.cluster else os.cpu_count() or 1)
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether the workers are not this machine's own."""
+        return self.scheduler is not None or self.cluster is not None
 
     @property
     def room(self) -> int:
         """Bytes that a job may use that runs alone: what all workers of this machine have, less what the idle ones keep."""
         # Of a cluster nobody here knows how much more than its share a worker could take from its machine.
-        others = 0 if self.scheduler else self.processes - 1
+        others = 0 if self.elsewhere else self.processes - 1
         return self.memory + others * max(self.memory - PROCESS_BYTES, 0)
 
 
@@ -196,7 +204,7 @@ def _announce_dashboard(folder: Path, options: Options) -> None:
 def _check_workers(options: Options) -> None:
     """Raises ResourceError for more workers than this machine can serve."""
     cores = os.cpu_count() or 1
-    if not options.sequential and not options.scheduler and options.processes > WORKERS_PER_CORE * cores:
+    if not options.sequential and not options.elsewhere and options.processes > WORKERS_PER_CORE * cores:
         raise ResourceError(
             f"--workers {options.processes} is too many for the {cores} cores of this machine, where more than one per core "
             f"gains little; give at most {WORKERS_PER_CORE * cores}, or leave it out."
@@ -208,7 +216,7 @@ def _check_address_space(options: Options) -> None:
     # Beyond such a limit the C++ libraries end the process without a word, and its workers would be started again and again.
     limit, _ = resource.getrlimit(resource.RLIMIT_AS)
     needed = LIBRARIES_BYTES + max(options.memory - PROCESS_BYTES, 0)
-    if 0 <= limit < needed and not options.scheduler:
+    if 0 <= limit < needed and not options.elsewhere:
         raise ResourceError(
             f"This shell allows a process {limit / MIB:.0f} MiB of memory (ulimit -v), but with --memory "
             f"{options.memory / MIB:.0f} it may need {needed / MIB:.0f} MiB with its libraries; raise the limit with "
@@ -237,7 +245,7 @@ def _run(session: Session, options: Options, watch: Watch, announce: Callable[[s
         except SchedulerLost:
             stop_if_asked()
             # A cluster elsewhere is restarted by those who own it; one that finishes nothing will not do so the next time.
-            if options.scheduler or len(session.done) == before:
+            if options.elsewhere or len(session.done) == before:
                 raise
             announce(LOST.format(len(session.done)))
             session.take_up()
@@ -265,9 +273,19 @@ def _on_dask(session: Session, options: Options, announce: Callable[[str], None]
     # Dask is imported only here: importing it takes longer than finding out that nothing has changed.
     from orthomill.pipeline.engine.dask_cluster import local_client, remote_client
     from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
+    from orthomill.pipeline.engine.workforce import DESERTED
 
     folder = session.folder
-    if options.scheduler:
+    patience = DESERTED
+    if options.cluster:
+        from orthomill.pipeline.engine.clusters.started_clusters import started_client
+
+        place, patience = (
+            f"up to {options.processes} workers of a cluster ({options.cluster.kind})",
+            3600.0 * options.cluster.patience,
+        )
+        client_of = started_client(options.cluster, options.port)
+    elif options.scheduler:
         if options.tls is None:
             announce(UNENCRYPTED.format(options.scheduler))
         place = f"the cluster at {options.scheduler}"
@@ -277,10 +295,10 @@ def _on_dask(session: Session, options: Options, announce: Callable[[str], None]
         client_of = local_client(options.processes, options.memory, options.port)
     address = folder / DASHBOARD
     # Workers of this machine are our own, started from the files of this program.
-    recognised = shown(folder, session.mark) if options.scheduler else nullcontext()
+    recognised = shown(folder, session.mark) if options.elsewhere else nullcontext()
     # An exception in the middle of Dask's connections would end in its tracebacks: the runner asks for requests to stop.
     with only_where_asked(), recognised as terms, client_of as client:
-        runner = DaskRunner(client, options.memory, place, options.room, terms, announce)
+        runner = DaskRunner(client, options.memory, place, options.room, terms, announce, patience)
         if terms:
             runner.workforce.muster(terms)
         write_for_the_user_only(address, runner.dashboard)

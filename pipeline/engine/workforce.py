@@ -20,17 +20,18 @@ LOOKED = 10.0
 TOLD = 30.0
 """seconds without anybody at work after which that is said"""
 DESERTED = 600.0
-"""seconds without anybody at work after which the run is given up; on an overloaded machine a new worker takes minutes to start"""
+"""seconds without anybody at work after which a run is given up; on an overloaded machine a new worker takes minutes to start"""
 NOBODY = "tcp://0.0.0.0:1"
 """address of no worker: a job that no worker has the memory for waits, and is handed out again when one has joined"""
 _NO_WORKER = "there is none"
 
 
 class Workforce:
-    """What is known of the workers of a `client`; `say` tells the user a sentence."""
+    """What is known of the workers of a `client`; `say` tells the user a sentence. The run is given up when nobody has been at work
+    for `patience` seconds."""
 
-    def __init__(self, client: Any, say: Callable[[str], None] = lambda line: None) -> None:
-        self._client, self._say = client, say
+    def __init__(self, client: Any, say: Callable[[str], None] = lambda line: None, patience: float = DESERTED) -> None:
+        self._client, self._say, self._patience = client, say, patience
         self._room: dict[str, float] = {}
         """bytes of every worker that was there at the last look"""
         self._dismissed: set[str] = set()
@@ -55,7 +56,7 @@ class Workforce:
         """Ask the workers that are there before the first job. Raises ResourceError where none of them may do any."""
         workers = self._update()
         if not workers:
-            return self._say(f"The cluster has no workers yet; this run waits {DESERTED / 60:.0f} minutes for those that join.")
+            return self._say(f"The cluster has no workers yet; this run waits {_long(self._patience)} for those that join.")
         unfit = objections(self._client, terms)
         if unfit and len(unfit) >= len(workers):
             worker, why = next(iter(unfit.items()))
@@ -97,15 +98,15 @@ class Workforce:
             if now - self._at_work > LOOKED and (state := self._idle(workers, needed)) is None:
                 self.ended()
         idle = now - self._at_work
-        if idle > DESERTED:
+        if idle > self._patience:
             raise ResourceError(
-                f"No worker has done anything for {DESERTED / 60:.0f} minutes: {state}; finished jobs are kept. If nobody ended "
+                f"No worker has done anything for {_long(self._patience)}: {state}; finished jobs are kept. If nobody ended "
                 "them, look for memory and disk ('orthomill doctor'), then run the same command again."
             )
         if idle > TOLD and not self._told:
             self._told = True
-            minutes = f"{(DESERTED - idle) / 60:.0f} minutes"
-            self._say(f"No worker does anything: {state}. Finished jobs are kept, and this run waits {minutes} for others.")
+            left = _long(self._patience - idle)
+            self._say(f"No worker does anything: {state}. Finished jobs are kept, and this run waits {left} for others.")
             return bool(self._room)
         return False
 
@@ -133,3 +134,7 @@ class Workforce:
         if largest < needed:
             return f"a job needs {needed / MIB:.0f} MiB, and the largest worker has {largest / MIB:.0f} MiB; start larger ones"
         return f"the scheduler gives {len(running)} of them no job"
+
+
+def _long(seconds: float) -> str:
+    return f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.0f} hours"

@@ -25,6 +25,11 @@ def workflow_text(project: Project, stages: tuple[Stage, ...]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def settings_text(model: BaseModel) -> str:
+    """The YAML text of one model."""
+    return "\n".join(_fields(model, "")) + "\n"
+
+
 def comment(words: str, measure: str) -> str:
     """ "  # Side of a tile. [px]", or nothing where there are neither words nor a unit."""
     text = " ".join([*([words] if words else []), *([f"[{measure}]"] if measure else [])])

@@ -1,7 +1,8 @@
 """Commands that run stages: of a workflow, or of one that the command makes itself."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,7 +22,10 @@ from orthomill.pipeline.cli.commands.option_types import (
     Workers,
 )
 from orthomill.pipeline.cli.terminal import Debug, Name, plain_errors
-from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.errors import ResourceError, WorkflowError
+
+if TYPE_CHECKING:
+    from orthomill.pipeline.engine.running import Options
 
 running = typer.Typer()
 
@@ -35,6 +39,9 @@ def run(
     memory: Memory = 1500,
     sequential: Sequential = False,
     scheduler: Annotated[str | None, typer.Option(help="Address of an existing Dask scheduler, e.g. tcp://10.0.0.5:8786.")] = None,
+    cluster: Annotated[
+        Path | None, typer.Option(help="A cluster to be started: its YAML file; 'orthomill cluster template slurm' writes one.")
+    ] = None,
     port: Annotated[int, typer.Option(help="Port of the dashboard; the next free one if it is taken.", min=1, max=65535)] = 8787,
     tls_ca: Annotated[Path | None, typer.Option(help="Certificate of the authority of an existing cluster (PEM).")] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for that cluster (PEM).")] = None,
@@ -52,21 +59,17 @@ def run(
         from orthomill.pipeline.cli.progress.project_run import run_project
         from orthomill.pipeline.engine.running import MIB, Options
 
-        tls = _tls_files(scheduler, (tls_ca, tls_cert, tls_key))
-        end = run_project(
-            loaded,
-            Options(
-                from_stage=from_stage,
-                until=until,
-                workers=workers,
-                memory=memory * MIB,
-                sequential=sequential,
-                scheduler=scheduler,
-                port=port,
-                tls=tls,
-            ),
-            as_json,
+        asked = Options(
+            from_stage=from_stage,
+            until=until,
+            workers=workers,
+            memory=memory * MIB,
+            sequential=sequential,
+            scheduler=scheduler,
+            port=port,
+            tls=_tls_files(scheduler, (tls_ca, tls_cert, tls_key)),
         )
+        end = run_project(loaded, asked if cluster is None else _on_cluster(asked, cluster), as_json)
     if end.doubts and strict:
         raise typer.Exit(3)
 
@@ -159,6 +162,34 @@ def change(
     with plain_errors(debug):
         loaded = checking.change_workflow(before, after, name, sigma, Path.cwd(), STAGES)
         run_project(loaded, Options(None, None, workers, memory * MIB, sequential))
+
+
+def _on_cluster(asked: "Options", file: Path) -> "Options":
+    """The options of a run on the cluster of a file. Raises WorkflowError for mistakes in it, ResourceError for two places."""
+    from orthomill.pipeline.engine.clusters.cluster_file import GIB, SchedulerAddress, read_cluster
+
+    if asked.scheduler or asked.sequential:
+        raise ResourceError("--cluster, --scheduler and --sequential each say where jobs are done; give one of them.")
+    found = read_cluster(file)
+    there = replace(asked, memory=int(found.memory * GIB))
+    if not isinstance(found, SchedulerAddress):
+        return replace(there, cluster=found)
+    files = tuple(Path(path) if path else None for path in (found.ca, found.cert, found.key))
+    return replace(there, scheduler=found.address, tls=_tls_files(found.address, files))
+
+
+@running.command("cluster")
+def cluster_template_of(
+    action: Annotated[str, typer.Argument(help="template: print a commented file of a cluster.")],
+    kind: Annotated[str, typer.Argument(help="slurm, kubernetes, gateway, or address of a scheduler that is there already.")],
+) -> None:
+    """The file of a cluster, for `orthomill run PROJECT --cluster FILE`."""
+    from orthomill.pipeline.engine.clusters.cluster_file import KINDS, cluster_template
+
+    with plain_errors(debug=False):
+        if action != "template" or kind not in KINDS:
+            raise WorkflowError(f"Type: orthomill cluster template KIND, where KIND is one of {', '.join(KINDS)}.")
+        typer.echo(cluster_template(kind), nl=False)
 
 
 def _tls_files(scheduler: str | None, files: tuple[Path | None, ...]) -> tuple[Path, Path, Path] | None:
