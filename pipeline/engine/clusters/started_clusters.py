@@ -3,6 +3,8 @@
 The libraries that speak to SLURM, Kubernetes and gateways are loaded here only, and are no part of an ordinary installation.
 """
 
+import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -84,8 +86,29 @@ def _slurm(asked: SlurmCluster, secret: str, port: int) -> Any:
         scheduler_options={"secret": secret, "dashboard": True, "dashboard_address": f"127.0.0.1:{free_port(port)}"},
         silence_logs=False,
     )
+    try:
+        _try_out(cluster.job_script())
+    except ResourceError:
+        cluster.close(timeout=CLOSING)
+        raise
     cluster.adapt(minimum_jobs=_jobs(asked, asked.least), maximum_jobs=_jobs(asked, asked.workers))
     return cluster
+
+
+def _try_out(script: str) -> None:
+    """Ask SLURM whether it would take a batch job. Raises ResourceError with its answer: later nobody would hear it."""
+    sbatch = shutil.which("sbatch")
+    if sbatch is None:
+        raise ResourceError("There is no SLURM on this machine (sbatch is not found); start the run on a login node.")
+    try:
+        answer = subprocess.run([sbatch, "--test-only"], input=script, capture_output=True, text=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        raise ResourceError("SLURM does not answer (sbatch, 60 seconds); look at it with sinfo.") from None
+    if answer.returncode:
+        said = " ".join(answer.stderr.replace("allocation failure: ", "").split())
+        raise ResourceError(
+            f"SLURM refuses the batch jobs of this cluster ({said}); compare queue, memory and walltime with sinfo."
+        )
 
 
 def _private_folder() -> Path:
