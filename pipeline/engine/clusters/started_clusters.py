@@ -101,7 +101,7 @@ def _try_out(script: str) -> None:
     if sbatch is None:
         raise ResourceError("There is no SLURM on this machine (sbatch is not found); start the run on a login node.")
     try:
-        answer = subprocess.run([sbatch, "--test-only"], input=script, capture_output=True, text=True, timeout=60)
+        answer = subprocess.run([sbatch, "--test-only"], input=script, capture_output=True, text=True, timeout=60)  # noqa: S603 (a list, no shell)
     except subprocess.TimeoutExpired:
         raise ResourceError("SLURM does not answer (sbatch, 60 seconds); look at it with sinfo.") from None
     if answer.returncode:
