@@ -10,6 +10,7 @@ from orthomill.tasks.flight_outlook import look_ahead
 from orthomill.tasks.geometry.topocentric import place_on_earth
 from orthomill.tasks.grown_pair import GrowthRules, constants_of, grown_pair
 from orthomill.tasks.inspections.image_points import points_on_surface
+from orthomill.tasks.inspections.photographs_of_place import photographs_of_place
 from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
 from orthomill.tasks.marking.given_points import given_points, marks_of
@@ -42,6 +43,7 @@ __all__ = [
     "marker_of",
     "marks_of",
     "measure",
+    "photographs_of_place",
     "place_on_earth",
     "points_on_surface",
     "share_of",

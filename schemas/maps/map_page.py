@@ -29,6 +29,16 @@ class MapCamera(_PagePart):
     taken: str = ""
 
 
+class CloudLayer(_PagePart):
+    """The surface as points in space: rasters of heights, of the codes whose cells are `shown`, and of colours on a grid of their
+    own, by their names in the store."""
+
+    height: str
+    code: str
+    shown: tuple[int, ...]
+    colours: str | None = None
+
+
 class MapPage(_PagePart):
     """Everything that the page is made of, but rasters and lines."""
 
@@ -37,6 +47,7 @@ class MapPage(_PagePart):
     values: tuple[ValueLayer, ...]
     cameras: tuple[MapCamera, ...]
     system: str
+    cloud: CloudLayer | None = None
 
 
 MAP_PAGE = Table("viewer/page.json", MapPage)

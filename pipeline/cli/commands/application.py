@@ -20,6 +20,7 @@ from orthomill.pipeline.cli.commands.run_commands import running
 from orthomill.pipeline.cli.commands.serve_commands import serving
 from orthomill.pipeline.cli.commands.start_commands import starting
 from orthomill.pipeline.cli.commands.state_commands import state
+from orthomill.pipeline.cli.commands.view_commands import viewing
 from orthomill.pipeline.cli.terminal import out
 
 app = typer.Typer(
@@ -27,7 +28,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for group in (running, marking, serving, state, products, lookups, answers, starting):
+for group in (running, marking, serving, state, products, viewing, lookups, answers, starting):
     app.add_typer(group)
 
 

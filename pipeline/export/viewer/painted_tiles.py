@@ -108,13 +108,17 @@ def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.nd
     for code in (empty, None if spec.nodata is None or spec.nodata != spec.nodata else int(spec.nodata)):
         if code is not None:
             table[code] = 0
-    return lambda values: table[np.clip(_plane(values), 0, 255).astype(np.uint8)]
+    narrow = spec.dtype == "uint8"
+    return lambda values: table[_plane(values) if narrow else np.clip(_plane(values), 0, 255).astype(np.uint8)]
 
 
 def _ramp(values: np.ndarray, low: float, high: float, table: np.ndarray) -> np.ndarray:
-    plane = _plane(values).astype(np.float64)
-    step = np.nan_to_num(np.clip((plane - low) / (high - low), 0, 1) * (STEPS - 1)).round().astype(np.int64)
-    return np.where(np.isfinite(plane)[..., None], table[step], 0).astype(np.uint8)
+    plane = _plane(values)
+    known = np.isfinite(plane)
+    step = np.where(known, plane, low).astype(np.float32) - np.float32(low)
+    out = table[np.rint(np.clip(step * np.float32((STEPS - 1) / (high - low)), 0, STEPS - 1)).astype(np.uint8)]
+    out[~known] = 0
+    return out
 
 
 def _relief(values: np.ndarray, bounds: tuple[float, float], table: np.ndarray, cell: float, steep: float) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from orthomill.pipeline.export.vectors.map_features import line_features
 from orthomill.pipeline.export.viewer.painted_tiles import painted
+from orthomill.pipeline.export.viewer.point_cloud_script import write_cloud
 from orthomill.pipeline.export.viewer.tile_pyramid import TilePyramid
 from orthomill.pipeline.export.viewer.value_tiles import SIZE, write_values
 from orthomill.pipeline.storage.reading import ReadableStore
@@ -58,6 +59,8 @@ def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: MapLine
         data["values"] = {"folder": f"{FOLDER}/values", "size": SIZE, "tiles": [f"{r}-{c}" for r, c in tiles], "layers": layered}
         data["values"] |= _place(grid)
     data["lines"] = _write_lines(folder, lines)
+    cloud = None if page.cloud is None else write_cloud(folder, store, page.cloud)
+    data["cloud"] = cloud and f"{FOLDER}/{cloud}"
     return _page(data)
 
 
@@ -88,7 +91,6 @@ def _page(data: dict[str, Any]) -> str:
     # A closing tag inside the data would end the script that holds it.
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     page = (_TEMPLATES / "page.html").read_text("utf-8")
-    parts = {name: (_TEMPLATES / name).read_text("utf-8") for name in ("leaflet.css", "viewer.css", "leaflet.js", "viewer.js")}
-    for name, part in parts.items():
-        page = page.replace(f"/*{name}*/", part)
+    for name in ("leaflet.css", "viewer.css", "leaflet.js", "viewer.js", "space.js"):
+        page = page.replace(f"/*{name}*/", (_TEMPLATES / name).read_text("utf-8"))
     return page.replace("/*data*/", text).replace("/*project*/", str(data["project"]))

@@ -12,7 +12,7 @@ from orthomill.schemas.bare_ground import (
     TERRAIN_PRECISION,
 )
 from orthomill.schemas.job import Export, Job, Table
-from orthomill.schemas.maps.map_page import MAP_PAGE, ValueLayer
+from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, ValueLayer
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.stage_contract import ProjectView
@@ -22,6 +22,7 @@ from orthomill.schemas.surface import (
     CORRECTED,
     HEIGHT,
     HEIGHT_SOURCE,
+    MEASURED,
     ORTHO,
     PRECISION,
     PROVENANCE,
@@ -57,18 +58,20 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
     pictures = _chosen_pictures(reports, _LAYERS)
     if not pictures:
         return
-    values = tuple(_values(view))
+    values, cloud = tuple(_values(view)), _cloud(view)
     yield Job(
         stage="viewer",
         item="page",
         function=map_page,
         reads={"block": BLOCK, "photos": PHOTOS},
         writes={"page": MAP_PAGE},
-        params={"project": view.project.project, "pictures": pictures, "values": values},
+        params={"project": view.project.project, "pictures": pictures, "values": values, "cloud": cloud},
     )
     lines: tuple[Table, ...] = (TERRAIN_LINES,) if _draws_contours(reports) else ()
     rasters = {f"layer{k}": picture.raster for k, picture in enumerate(pictures)}
     rasters |= {f"{layer.name}_{key}": name for layer in values for key, name in layer.rasters.items()}
+    if cloud is not None:
+        rasters |= {f"cloud_{key}": name for key in ("height", "code", "colours") if (name := getattr(cloud, key))}
     yield Export("viewer", "map", "products/index.html", "map", rasters, (MAP_PAGE, *lines))
     yield Job(
         stage="viewer", item="report", function=viewer_report, reads={"page": MAP_PAGE}, writes={"report": report_table("viewer")}
@@ -92,6 +95,14 @@ def _values(view: ProjectView) -> Iterator[ValueLayer]:
     if view.has_stage("terrain"):
         rasters = {"height": TERRAIN, "sigma": TERRAIN_PRECISION, "code": TERRAIN_CODE}
         yield ValueLayer(name="terrain", title="Bare ground", rasters=rasters, codes=TERRAIN_CODES)
+
+
+def _cloud(view: ProjectView) -> CloudLayer | None:
+    if not view.has_stage("densification"):
+        return None
+    height = CORRECTED if view.has_stage("dsm_check") else HEIGHT
+    colours = ORTHO if view.has_stage("texture") else None
+    return CloudLayer(height=height, code=PROVENANCE, shown=tuple(map(int, MEASURED)), colours=colours)
 
 
 def _draws_contours(reports: tuple[StageReport, ...]) -> bool:

@@ -14,12 +14,13 @@ import pytest
 from PIL import Image
 
 from orthomill.pipeline.export.exports import export
+from orthomill.pipeline.export.viewer import point_cloud_script
 from orthomill.pipeline.export.viewer.painted_tiles import painted
 from orthomill.pipeline.export.viewer.tile_pyramid import TilePyramid
 from orthomill.pipeline.export.viewer.value_tiles import MILLIMETRES, NOTHING, SIZE, packed
 from orthomill.schemas.bare_ground import ContourLines
 from orthomill.schemas.job import Export, Table
-from orthomill.schemas.maps.map_page import MAP_PAGE, MapCamera, MapPage, ValueLayer
+from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, MapCamera, MapPage, ValueLayer
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.stage_report import Picture
 
@@ -87,7 +88,8 @@ def page() -> MapPage:
     values = (ValueLayer(name="surface", title="Surface", rasters={"height": "a/height", "sigma": "a/sigma", "code": "a/code"}),)
     outline = ((407000.0, 4357000.0), (407400.0, 4357000.0), (407400.0, 4357300.0), (407000.0, 4357300.0))
     cameras = (MapCamera(name="a.jpg", centre=(407200.0, 4357150.0, 900.0), outline=outline),)
-    return MapPage(project="volos", pictures=pictures, values=values, cameras=cameras, system="EPSG:2100")
+    cloud = CloudLayer(height="a/height", code="a/code", shown=(2,), colours="a/ortho")
+    return MapPage(project="volos", pictures=pictures, values=values, cameras=cameras, system="EPSG:2100", cloud=cloud)
 
 
 def written(folder: Path) -> Path:
@@ -133,6 +135,20 @@ def test_values_are_packed_in_millimetres():
     back = np.cumsum(steps.astype(np.int64), axis=1).astype(np.int32)
     known = np.isfinite(z)
     assert (back[~known] == NOTHING).all() and np.abs(back[known] / MILLIMETRES - z[known]).max() <= 0.00051
+
+
+def test_points_in_space_are_the_cells_that_are_shown_in_their_colours(tmp_path, monkeypatch):
+    monkeypatch.setattr(point_cloud_script, "MOST_POINTS", ROWS * COLS // 4)
+    assert point_cloud_script.write_cloud(tmp_path, store(), page().cloud) == "cloud.js"
+    about = json.loads((tmp_path / "cloud.js").read_text().removeprefix("omCloud(").removesuffix(");\n"))
+    n, data = about["count"], zlib.decompress(base64.b64decode(about["data"]))
+    col, row, steps = (np.frombuffer(data, "<u2", n, 2 * n * k).astype(int) for k in range(3))
+    red = np.frombuffer(data, np.uint8, n, 6 * n).astype(int)
+    assert about["cell"] == 2.0 and n == ROWS // 2 * len(range(202, COLS, 2)) and col.min() == 101
+    z = about["low"] + (about["high"] - about["low"]) * steps / 65535
+    assert np.abs(z - heights()[2 * row, 2 * col]).max() < 0.002
+    bright = row >= 16
+    assert (red[bright] == (4 * col + 1)[bright] % 256).all() and (red[~bright] == 170).all()
 
 
 def test_the_page_is_small_loads_nothing_from_elsewhere_and_bears_any_title(tmp_path):

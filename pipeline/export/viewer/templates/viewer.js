@@ -164,8 +164,11 @@
     return { height: metres(height), sigma: metres(sigma), code };
   }
   function answer(...parts) { $("told").replaceChildren(...parts); $("answer").hidden = false; }
-  $("close").onclick = () => { $("answer").hidden = true; };
+  let asked = null;
+  $("close").onclick = () => { $("answer").hidden = true; if (asked) asked.remove(); };
   async function place(latlng) {
+    if (asked) asked.remove();
+    asked = L.circleMarker(latlng, { radius: 6, color: "#d1495b", weight: 2, fill: false, interactive: false }).addTo(map);
     const x = latlng.lng, y = latlng.lat, table = document.createElement("table");
     const row = (...cells) => { const tr = document.createElement("tr"); cells.forEach((c) => tr.append(text("td", c))); table.append(tr); };
     row("X, Y", x.toFixed(2) + ", " + y.toFixed(2), "");
@@ -177,7 +180,20 @@
     }
     const seen = OM.cameras.filter((c) => within(x, y, c.outline)).map((c) => c.name);
     row("Shown by", seen.length + " photographs", seen.slice(0, 12).join(", ") + (seen.length > 12 ? " \u2026" : ""));
-    answer(table);
+    const shots = text("div", ""); shots.id = "shots";
+    answer(table, shots);
+    photographs(x, y, shots);
+  }
+  // The photographs themselves are only with `orthomill view`: a page on the disk reads no files beside it.
+  async function photographs(x, y, shots) {
+    if (location.protocol === "file:") return shots.append(text("small", "orthomill view " + OM.project + " shows the photographs here."));
+    const found = await fetch(`place.json?x=${x}&y=${y}`).then((r) => (r.ok ? r.json() : [])).catch(() => []);
+    for (const one of found) {
+      const figure = text("figure", "", one.free ? "" : "hidden"), image = new Image();
+      image.src = `crop.jpg?photo=${encodeURIComponent(one.photo)}&col=${one.col}&row=${one.row}&scale=2&size=118`;
+      image.alt = one.photo; image.loading = "lazy";
+      figure.append(image, text("figcaption", one.photo + (one.free ? "" : ", hidden there"))); shots.append(figure);
+    }
   }
 
   // Profile: two clicks, the heights between them with their standard errors.
@@ -196,7 +212,7 @@
   });
   async function profile(p, q) {
     drawn = L.polyline([p, q], { color: "#d1495b", weight: 3 }).addTo(map);
-    const length = Math.hypot(q.lng - p.lng, q.lat - p.lat), parts = [text("div", "Length " + length.toFixed(2) + " m in plan")];
+    const length = Math.hypot(q.lng - p.lng, q.lat - p.lat), parts = [text("div", "Length " + length.toFixed(2) + (V ? " \u00b1 " + (V.cell / Math.sqrt(6)).toFixed(2) : "") + " m in plan" + (V ? " (ends to a cell of " + V.cell + " m)" : ""))];
     if (V && length > 0) {
       const count = Math.min(400, Math.max(20, Math.round(length / V.cell))), found = [];
       for (const layer of V.layers) {
