@@ -107,6 +107,15 @@ _ALL = (
         "RUN ... [MOST]: finished runs of simulated towns, and the largest polygons, m2",
     ),
     Study(
+        "contour_errors",
+        "accuracy.contour_errors",
+        "vertices of contours against the true ground and their standard errors",
+        "seconds",
+        ("tasks/terrain",),
+        RUN,
+        "RUN ...: finished runs of simulated towns",
+    ),
+    Study(
         "stated_classes",
         "accuracy.stated_classes",
         "whether accuracies and classes stated from 20 check points hold, and planted errors are named",
