@@ -78,11 +78,11 @@ class TilePyramid:
         half = self.size // 2, self.size // 2
         if covered(pixels) == self.size * self.size:
             return np.asarray(cv2.resize(pixels, half, interpolation=cv2.INTER_AREA), np.uint8)
-        weighed = pixels.astype(np.float32)
-        weighed[..., :3] *= weighed[..., 3:] / 255
-        means = cv2.resize(weighed, half, interpolation=cv2.INTER_AREA)
-        means[..., :3] *= 255 / np.maximum(means[..., 3:], 1)
-        return np.rint(means).astype(np.uint8)
+        alpha = pixels[..., 3:].astype(np.float32)
+        weighed = np.concatenate([pixels[..., :3] * (alpha / 255), alpha], axis=2)
+        means = np.asarray(cv2.resize(weighed, half, interpolation=cv2.INTER_AREA), np.float32)
+        colours = means[..., :3] * (255 / np.maximum(means[..., 3:], 1))
+        return np.rint(np.concatenate([colours, means[..., 3:]], axis=2)).astype(np.uint8)
 
     def _save(self, level: int, row: int, col: int, pixels: np.ndarray) -> None:
         import cv2
