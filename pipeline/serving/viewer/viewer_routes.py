@@ -52,7 +52,7 @@ class PlaceAnswers:
         return [asdict(one) for one in found[:MOST_PHOTOGRAPHS]]
 
 
-class _Asked(RequestHandler):
+class _AskedOfPlace(RequestHandler):
     def initialize(self, answers: PlaceAnswers) -> None:
         self.answers = answers
 
@@ -66,7 +66,7 @@ class _Asked(RequestHandler):
         return value
 
 
-class _Photographs(_Asked):
+class _PhotographsOfPlace(_AskedOfPlace):
     async def get(self) -> None:
         place = self.number("x", -1e9, 1e9), self.number("y", -1e9, 1e9)
         found = await IOLoop.current().run_in_executor(None, self.answers.photographs, *place)
@@ -75,7 +75,7 @@ class _Photographs(_Asked):
         self.write(json.dumps(found).encode())
 
 
-class _Crop(_Asked):
+class _PatchOfPlace(_AskedOfPlace):
     async def get(self) -> None:
         size = round(self.number("size", 1, LARGEST))
         place = self.number("col", -1e6, 1e6), self.number("row", -1e6, 1e6)
@@ -88,7 +88,7 @@ class _Crop(_Asked):
         self.write(found)
 
 
-class _Product(StaticFileHandler):
+class _ProductFile(StaticFileHandler):
     """Files as they are, whole or in ranges of bytes, which maps of one large file ask for."""
 
     def get_content_type(self) -> str:
@@ -102,9 +102,9 @@ def viewer_routes(products: Path, answers: PlaceAnswers) -> list[tuple[str, type
     """Routes for an application of tornado, below its secret; the page ends in /index.html."""
     asked = {"answers": answers}
     return [
-        (r"/[^/]+/place\.json", _Photographs, asked),
-        (r"/[^/]+/crop\.jpg", _Crop, asked),
-        (r"/[^/]+/(.*)", _Product, {"path": str(products)}),
+        (r"/[^/]+/place\.json", _PhotographsOfPlace, asked),
+        (r"/[^/]+/crop\.jpg", _PatchOfPlace, asked),
+        (r"/[^/]+/(.*)", _ProductFile, {"path": str(products)}),
     ]
 
 
