@@ -61,8 +61,8 @@ class QueueRules:
 
 
 def _to_the_medium(upload: TaskFolder) -> None:
-    """Files of an upload that a power cut does not take any more."""
-    for path in (*upload.images.iterdir(), upload.path / "task.json", upload.path / "wishes.json", upload.images, upload.path):
+    """A power cut does not take what an upload became; its files were flushed one by one when they came."""
+    for path in (upload.path / "task.json", upload.path / "wishes.json", upload.images, upload.path, upload.path.parent):
         handle = os.open(path, os.O_RDONLY)
         try:
             os.fsync(handle)

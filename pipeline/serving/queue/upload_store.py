@@ -114,6 +114,8 @@ class UploadStore:
                 yield receipt
                 receipt.check()
                 stream.flush()
+                # Now and not at the commit, where gigabytes would keep the client waiting for longer than it does.
+                os.fsync(stream.fileno())
         except BaseException as error:
             with self._lock:
                 if earlier is None:

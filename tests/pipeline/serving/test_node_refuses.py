@@ -155,6 +155,14 @@ def test_nothing_is_read_without_the_token(running, done):
     assert asked(running, "GET", "/health")[1] == b'{"status":"ok"}'
 
 
+def test_parts_of_the_results_by_range(running, done):
+    path = f"/task/{done}/download/all.zip?token={TOKEN}"
+    whole = asked(running, "GET", path)[1]
+    status, part, headers = asked(running, "GET", path, Range="bytes=10-19")
+    assert (status, part) == (206, whole[10:20]) and headers["content-range"] == f"bytes 10-19/{len(whole)}"
+    assert asked(running, "GET", f"/task/{done}/download/report.html?token={TOKEN}")[1] == b"<html><body>report</body></html>"
+
+
 def cookie_of(running) -> str:
     status, _, headers = asked(running, "GET", f"/?token={TOKEN}")
     assert status == 303 and headers["location"] == "/" and "HttpOnly" in headers["set-cookie"]
