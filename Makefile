@@ -83,7 +83,7 @@ bench-stale: $(STAMP) ## Pages of results that are older than the code that they
 	@$(BIN)/python -m benchmarks stale
 
 docs: $(STAMP) ## Write the generated pages of docs/ and the documentation site to .cache/site
-	@$(BIN)/orthomill reference
+	@$(BIN)/orthomill reference docs/settings.md
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict && echo ".cache/site/index.html"
 

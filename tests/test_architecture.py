@@ -14,22 +14,7 @@ ROOT = Path(__file__).parent.parent
 SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery", "colouring")
 CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
 CROWD = 20
-STAGES = (
-    "photos",
-    "calibration",
-    "registration",
-    "tie_points",
-    "orientation",
-    "epipolar",
-    "densification",
-    "dsm_check",
-    "texture",
-    "terrain",
-    "projection",
-    "accuracy",
-    "viewer",
-    "evaluation",
-)
+STAGES = tuple(path.parent.name for path in sorted((ROOT / "tasks").glob("*/stage.py")) if path.parent.name != "simulation")
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
 
 

@@ -1,10 +1,9 @@
-"""docs/settings.md, generated from the schemas: every setting with its type, default, bounds, unit and sentence.
+"""The settings as a page, generated from the schemas: every one with its type, default, bounds, unit and sentence.
 
-The page is a function of the models alone; a test keeps the file in the repository current.
+The page is a function of the models alone: it is made where the documentation is built, and is not in the repository.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
@@ -18,7 +17,7 @@ from orthomill.schemas.stage_contract import Stage
 
 _HEAD = """# Settings
 
-Generated from the schemas by `make docs`; do not edit. A workflow file has the settings of the project and the list `stages`,
+A workflow file has the settings of the project and the list `stages`,
 where each entry has a `kind` and the settings of that stage. What is left out has its default; `orthomill run` writes the workflow
 with every default filled in to `runs/<project>/workflow.yaml`. Paths are relative to the project's root, the folder that holds
 `workflows/`. Numbers are given alone, in the unit of the column; where a setting is a mapping with `kind`, each kind has a table.
@@ -33,11 +32,6 @@ def settings_reference(catalogue: tuple[type[Stage], ...]) -> str:
         title = stage.title[:1].upper() + stage.title[1:].rstrip(".")
         lines += ["", f"## {kind_of(stage)}", "", f"{title}.", "", *_section(stage, "", {})]
     return "\n".join(lines).rstrip() + "\n"
-
-
-def write_settings_reference(catalogue: tuple[type[Stage], ...], path: Path) -> None:
-    """Write the page."""
-    path.write_text(settings_reference(catalogue), encoding="utf-8")
 
 
 def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel], str]) -> Iterator[str]:

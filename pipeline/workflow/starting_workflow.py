@@ -27,7 +27,7 @@ from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
 
 SETTINGS_SHOWN = 4
-"""settings of a stage that a starting workflow shows; docs/settings.md has all"""
+"""settings of a stage that a starting workflow shows; `orthomill reference` has all"""
 _STRANGERS = 3
 """photographs of a camera of their own that are named"""
 _WIDTH = 120
@@ -136,7 +136,7 @@ def starting_text(
         *_tile(),
         "",
         "# The stages run in this order. A setting that is commented out has the value shown; remove the '#' to change it.",
-        "# All settings are listed in docs/settings.md.",
+        "# `orthomill reference` lists all settings.",
         "stages:",
     ]
     for stage in stages:

@@ -58,7 +58,7 @@ def covariance(
     output: Annotated[Path | None, typer.Option(help="The JSON to write; printed when left out.")] = None,
     debug: Debug = False,
 ) -> None:
-    """CovarianceMethod of points of the ground and of photographs, and between any two of them."""
+    """Covariances of points of the ground and of photographs, and between any two of them."""
     from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole

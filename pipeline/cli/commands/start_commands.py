@@ -52,14 +52,21 @@ def doctor() -> None:
         raise typer.Exit(1)
 
 
-@starting.command(hidden=True)
-def reference(path: Annotated[Path, typer.Argument(help="Where to write the page.")] = Path("docs/settings.md")) -> None:
-    """Write the settings reference from the schemas, and the table of formats in exports.md beside it."""
+@starting.command()
+def reference(path: Annotated[Path | None, typer.Argument(help="Write them there, as a page in Markdown.")] = None) -> None:
+    """List every setting with type, default, bounds and unit."""
     from orthomill.pipeline.export.export_formats import with_table
-    from orthomill.pipeline.workflow.settings_reference import write_settings_reference
+    from orthomill.pipeline.storage.whole_files import write_whole
+    from orthomill.pipeline.workflow.settings_reference import settings_reference
     from orthomill.tasks.catalogue import STAGES
 
-    write_settings_reference(STAGES, path)
+    page = settings_reference(STAGES)
+    if path is None:
+        out.print(page, markup=False, highlight=False, soft_wrap=True)
+        return
+    with plain_errors(False):
+        write_whole(path, page.encode())
+    # In the documentation the table of formats stands beside it.
     if (exports := path.with_name("exports.md")).is_file():
         exports.write_text(with_table(exports.read_text(encoding="utf-8")), encoding="utf-8")
 

@@ -246,9 +246,11 @@ def test_doctor_says_what_is_wrong(monkeypatch, ok, code):
     assert "free disk 1 GiB" in said and ("make room" in said) != ok
 
 
-def test_reference_writes_the_settings_page(tmp_path):
+def test_reference_lists_the_settings_here_or_in_a_page(tmp_path):
     command("reference", str(tmp_path / "settings.md"))
-    assert "## photos" in (tmp_path / "settings.md").read_text()
+    page = (tmp_path / "settings.md").read_text()
+    assert "## photos" in page and command("reference") == " ".join(page.split())
+    assert "cannot be written" in command("reference", str(tmp_path / "settings.md" / "inside.md"), code=2)
 
 
 def test_debug_shows_the_traceback(fresh):

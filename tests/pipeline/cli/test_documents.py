@@ -1,6 +1,7 @@
 """What the pages of docs/ say of codes, formulae and files is what the code does."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -58,11 +59,24 @@ def _python(formula: str) -> str:
     return re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", formula.replace("^", "**"))
 
 
+GENERATED = (ROOT / "docs" / "settings.md",)
+"""pages that `make docs` makes"""
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
+    made = GENERATED if page.parent.name == "docs" else ()  # the site has them; somebody who reads the README in the clone does not
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text()):
-        if not target.startswith(("http", "docs/pictures/", "pictures/")):
+        if not target.startswith(("http", "docs/pictures/", "pictures/")) and page.parent / target not in made:
             assert (page.parent / target).exists(), f"{page.name} links to {target}, which is not there"
+
+
+@pytest.mark.parametrize("page", GENERATED, ids=lambda page: page.name)
+def test_a_generated_page_is_made_with_the_documentation_and_is_not_in_the_repository(page):
+    name = page.relative_to(ROOT).as_posix()
+    assert f" {name}\n" in (ROOT / "Makefile").read_text() and f"\n{name}\n" in (ROOT / ".gitignore").read_text()
+    assert f": {page.name}\n" in (ROOT / "mkdocs.yml").read_text()
+    assert not subprocess.run(["git", "ls-files", name], cwd=ROOT, capture_output=True, text=True).stdout
 
 
 def test_the_command_tells_its_version():
