@@ -98,7 +98,9 @@ def _measure(number: str, name: str) -> Element:
 
 
 def _result(value: float, name: str) -> Element:
-    unit = element("gml:BaseUnit", element("gml:identifier", "m", codeSpace="http://www.bipm.org/en/si"), gml_id=f"unit-{name}")
+    unit = element(
+        "gml:UnitDefinition", element("gml:identifier", "m", codeSpace="http://www.bipm.org/en/si"), gml_id=f"unit-{name}"
+    )
     record = element("gco:Record", f"{value:.4f}")
     return element("mdq:result", element("mdq:DQ_QuantitativeResult", element("mdq:value", record), element("mdq:valueUnit", unit)))
 
