@@ -19,6 +19,7 @@ from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, 
 
 if TYPE_CHECKING:
     from orthomill.pipeline.export.block_folder import BlockMethods
+    from orthomill.pipeline.export.clouds.cloud_source import CloudSource
     from orthomill.pipeline.export.solids.relief_model import SolidMethods
 
 _PRODUCTS = {
@@ -137,7 +138,7 @@ def _writer(
     if form.group == "solid":
         return lambda path: _write_solid(form, product, path, asked.wanted, methods)
     if form.group == "points":
-        return lambda path: _write_points(form, product, path, asked.wanted)
+        return lambda path: _write_points(form, product, path, asked)
     if asked.sheets:
         return lambda path: _write_sheets(asked, form, product, path)
     return lambda path: _write_product(form, product, path, asked.wanted)
@@ -162,15 +163,29 @@ def _write_solid(form: ExportFormat, product: Path, path: Path, wanted: Wanted, 
         (write_glb if form.name == "glb" else write_tileset)(path, tiles, methods.solid())
 
 
-def _write_points(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:
+def _write_points(form: ExportFormat, product: Path, path: Path, asked: Asked) -> None:
     from orthomill.pipeline.export.clouds.cloud_source import cloud_source
     from orthomill.pipeline.export.clouds.copc_file import write_copc
     from orthomill.pipeline.export.clouds.ept_folder import write_ept
     from orthomill.pipeline.export.clouds.laz_file import write_laz
 
     files = tuple(sorted(product.glob("*.laz"))) if product.is_dir() else (product,)
-    write = {"laz": write_laz, "copc": write_copc, "ept": write_ept}[form.name]
-    write(path, cloud_source(files, wanted))
+    source = cloud_source(files, asked.wanted)
+    if asked.sheets:
+        return _write_point_sheets(path, source, asked)
+    {"laz": write_laz, "copc": write_copc, "ept": write_ept}[form.name](path, source)
+
+
+def _write_point_sheets(path: Path, source: "CloudSource", asked: Asked) -> None:
+    from orthomill.pipeline.export.clouds.laz_sheets import write_laz_sheets
+    from orthomill.pipeline.export.conversions.map_sheets import sheets_of
+    from orthomill.pipeline.export.conversions.sheet_index import write_sheet_index
+
+    path.mkdir()
+    written = write_laz_sheets(path, source, sheets_of(asked.sheets or "", source.plan, asked.wanted.area or source.bounds))
+    if not written:
+        raise WorkflowError(f"--sheets {asked.sheets}: no sheet holds a point.")
+    write_sheet_index(path / "sheets.gpkg", written, ".laz", source.plan)
 
 
 def _write_product(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:

@@ -38,7 +38,9 @@ FORMATS = (
     ExportFormat("xyz", "tiles", "_tiles", "a folder z/x/y of tiles of the web", "Leaflet, OpenLayers, QGIS", _TILED),
     ExportFormat("mbtiles", "tiles", ".mbtiles", "the same in one SQLite file", "QGIS, GDAL, field apps", _TILED),
     ExportFormat("pmtiles", "tiles", ".pmtiles", "the same in one file for any server", "MapLibre, Leaflet, QGIS", _TILED),
-    ExportFormat("laz", "points", ".laz", "the points with their classes, LAS 1.4", "CloudCompare, QGIS, PDAL, LAStools", _CLOUD),
+    ExportFormat(
+        "laz", "points", ".laz", "the points with their classes, LAS 1.4", "CloudCompare, QGIS, PDAL", (*_CLOUD, "sheets")
+    ),
     ExportFormat("copc", "points", ".copc.laz", "the same as an octree in one file", "QGIS, PDAL, web viewers", _CLOUD),
     ExportFormat("ept", "points", "_ept", "the same as a folder of Entwine tiles", "WebODM, Potree, QGIS, PDAL", _CLOUD),
     ExportFormat("cameras", "layers", ".gpkg", "photographs, footprints, control, residuals", "QGIS, ArcGIS", stem="cameras"),

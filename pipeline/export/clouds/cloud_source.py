@@ -29,10 +29,13 @@ STEP, DEGREE_STEP = 0.001, 1e-8
 
 @dataclass(frozen=True)
 class CloudSource:
-    """Points of LAS or LAZ files; `header`: that of the file which is made of them."""
+    """Points of LAS or LAZ files; `header`: that of the file which is made of them, `plan`: WKT of its plan system, `bounds`: west,
+    south, east and north of all points there."""
 
     files: tuple[Path, ...]
     header: laspy.LasHeader
+    plan: str
+    bounds: tuple[float, float, float, float]
     outlines: tuple[Outline, ...]
     area: tuple[float, float, float, float] | None
     change: Transformer | None
@@ -76,8 +79,9 @@ def cloud_source(files: tuple[Path, ...], wanted: Wanted) -> CloudSource:
     plan = _plan(system).to_wkt()
     change = Transformer.from_crs(_plan(own), _plan(system), always_xy=True) if wanted.crs else None
     outlines = read_outlines(wanted.cutline, plan) if wanted.cutline else ()
-    header = _target_header(first, system, _low_corner(headers, _plan(own).to_wkt(), plan) if wanted.crs else None)
-    return CloudSource(files, header, outlines, wanted.area, change)
+    bounds = _bounds(headers, _plan(own).to_wkt(), plan)
+    header = _target_header(first, system, bounds[:2] if wanted.crs else None)
+    return CloudSource(files, header, plan, bounds, outlines, wanted.area, change)
 
 
 def nothing_there() -> WorkflowError:
@@ -111,14 +115,14 @@ def _plan(system: CRS) -> CRS:
     return system.sub_crs_list[0] if system.is_compound else system.to_2d()
 
 
-def _low_corner(headers: list[laspy.LasHeader], own: str, plan: str) -> tuple[float, float]:
-    """West and south of all files in another system."""
+def _bounds(headers: list[laspy.LasHeader], own: str, plan: str) -> tuple[float, float, float, float]:
+    """West, south, east and north of all files in another system."""
     low, high = np.min([h.mins[:2] for h in headers], axis=0), np.max([h.maxs[:2] for h in headers], axis=0)
     ring = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]], [low[0], low[1]]])
-    west, south, _, _ = moved(Outline("", (ring,)), own, plan).bounds
-    if not np.isfinite([west, south]).all():
+    bounds = moved(Outline("", (ring,)), own, plan).bounds
+    if not np.isfinite(bounds).all():
         raise WorkflowError("--crs is a system in which the points have no place; give one of their part of the world.")
-    return west, south
+    return bounds
 
 
 def _target_header(source: laspy.LasHeader, system: CRS, corner: tuple[float, float] | None) -> laspy.LasHeader:

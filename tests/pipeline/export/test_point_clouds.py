@@ -171,6 +171,23 @@ def test_the_files_of_a_large_surface_become_one(tmp_path):
         assert len(reader.query()) == 2 * COUNT
 
 
+def test_every_point_is_in_one_sheet(folder):
+    pyogrio = pytest.importorskip("pyogrio")
+    path = export_as(Asked("laz", None, Wanted(), None, "100m"), folder)
+    names = sorted(one.name for one in path.glob("*.laz"))
+    assert names == sorted(f"{x}_{y}.laz" for x in (407000, 407100) for y in (4357000, 4357100))
+    for name in names:
+        found, (west, south) = laspy.read(path / name), map(float, name[:-4].split("_"))
+        assert (np.floor((np.asarray(found.x) - west) / 100) == 0).all() and (
+            np.floor((np.asarray(found.y) - south) / 100) == 0
+        ).all()
+    together = np.concatenate([rows(laspy.read(path / name)) for name in names])
+    assert np.array_equal(together[np.lexsort(together.T)], rows(laspy.read(folder / "products/points.laz")))
+    assert sorted(pyogrio.raw.read(path / "sheets.gpkg")[3][1]) == names
+    with pytest.raises(WorkflowError, match="is the most; give a coarser grid"):
+        export_as(Asked("laz", None, Wanted(), None, "5m"), folder)
+
+
 @pytest.mark.parametrize(
     ("kind", "how", "words"),
     [
@@ -180,7 +197,7 @@ def test_the_files_of_a_large_surface_become_one(tmp_path):
         ("ept", {"crs": "EPSG:4326"}, "needs a system in metres"),
         ("laz", {"area": (0, 0, 1, 1)}, "No point lies"),
         ("copc", {"area": (0, 0, 1, 1)}, "No point lies"),
-        ("laz", {"cell": 2.0}, "takes --of, --crs, --area, --cutline; leave out --cell"),
+        ("laz", {"cell": 2.0}, "takes --of, --crs, --area, --cutline, --sheets; leave out --cell"),
     ],
 )
 def test_a_cloud_that_cannot_be_is_told_in_a_sentence(folder, kind, how, words):
