@@ -43,13 +43,23 @@ class MarkedPoint(BaseModel):
         return self.role == "control" and self.xyz is not None
 
 
+class HiddenArea(BaseModel):
+    """A part of a photograph that is not to be used: its corners (col, row), px, in the upright photograph."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    photo: str
+    corners: tuple[tuple[float, float], ...] = Field(min_length=3, max_length=1000)
+
+
 class Marks(BaseModel):
-    """All points of a project with their marks, and the distances measured between them."""
+    """All points of a project with their marks, the distances measured between them, and parts of photographs that are hidden."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     points: tuple[MarkedPoint, ...] = ()
     distances: tuple[Distance, ...] = ()
+    areas: tuple[HiddenArea, ...] = ()
 
 
 @dataclass(frozen=True)

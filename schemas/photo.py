@@ -97,6 +97,10 @@ class Photo(BaseModel):
     dtype: str
     masked: bool = False
     """Its raster has one more band, full where there is picture."""
+    mask: str | None = None
+    """the image file that is black where the photograph is not to be used"""
+    mask_upright: bool = False
+    """Its mask is turned upright already, unlike the file of the photograph itself."""
     decoding: Decoding = "anywhere"
     exif_orientation: int = 1
     as_taken: bool = False
@@ -218,6 +222,10 @@ class PhotoRemarkCode(StrEnum):
     """The only heights of photographs are those above the place of take-off."""
     FACTORY_CAMERA = "factory_camera"
     """The tags of photographs hold a calibration, which is the start of the adjustment."""
+    MASK_FILES = "mask_files"
+    """Photographs have masks in files of their own."""
+    IDLE_MASK = "idle_mask"
+    """Masks are named like no photograph of the project; `photos`: their files."""
     MASKED = "masked"
     """The files of photographs can mask parts of them, which are not used."""
     CUT = "cut"

@@ -17,6 +17,12 @@ ANY_CRS = "EPSG:3857"
 """For what lies nowhere on the earth, such as boards or an object without positions: a project needs a system in metres."""
 
 
+MASKS = (
+    "Folder with masks, images of the size of the photographs and named like them (IMG_1.png, IMG_1_mask.png or IMG_1.JPG.png): "
+    "what is black is not used by any stage. A photograph without a mask is used whole."
+)
+
+
 class PhotoFolder(Settings):
     """All JPEG, TIFF and PNG images of a folder (HEIC and raw ones with the extra `formats`)."""
 
@@ -31,6 +37,7 @@ class PhotoFolder(Settings):
         "Of a multispectral camera, the band that makes the block, by its name, or colour; without it, colour or the band nearest "
         "to green.",
     )
+    masks: str | None = setting(None, MASKS)
 
 
 class PhotoList(Settings):
@@ -38,12 +45,20 @@ class PhotoList(Settings):
 
     kind: Literal["list"]
     paths: tuple[str, ...] = setting(..., "The image files, relative to the project's root.", min_length=1)
+    masks: str | None = setting(None, MASKS)
 
 
 class SimulatedPhotos(Settings):
     """Photographs of a simulated scene with known truth, rendered by the stage `simulation`."""
 
     kind: Literal["simulated"]
+
+
+class MaskFiles(Settings):
+    """The masks in a folder, which may be that of the photographs."""
+
+    kind: Literal["masks"] = "masks"
+    path: str = setting(..., "Folder with the masks, relative to the project's root.")
 
 
 PhotoFiles = PhotoFolder | PhotoList

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Protocol, TypeVar
 
 from orthomill.schemas.job import Export, Job, Table
-from orthomill.schemas.project import Photographs, Project
+from orthomill.schemas.project import MaskFiles, Photographs, Project
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings
 
@@ -35,7 +35,7 @@ class ProjectView(Protocol):
     def raster(self, name: str) -> RasterSpec:
         """The specification of a raster that some stage has planned. Raises NotYet."""
 
-    def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
+    def image_files(self, source: Photographs | MaskFiles, simulated_folder: str = "photographs") -> tuple[str, ...]:
         """The image files of a source in order of name, relative to the project's root, as in regions.
 
         For simulated photographs these are the files that are exported to `simulated_folder` of the run. Raises NotYet until

@@ -12,6 +12,7 @@ import numpy as np
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
 from orthomill.pipeline.serving.marking.marking_session import KnowsTheBlock, MarkingSession
+from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
 from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
 from orthomill.pipeline.storage.store import Store
@@ -60,7 +61,8 @@ def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | Non
         if points is not None:
             ledger.replace(with_points(ledger.marks, marking.given_points(photos, *_read(points, crs), loaded.project.crs)))
         known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
-        yield MarkingSession(name, ledger, PhotographCrops(store, photos), known)
+        masks = MaskImages(loaded.root, marks_folder(loaded) / MASKS, photos.photos)
+        yield MarkingSession(name, ledger, PhotographCrops(store, photos), known, masks)
 
 
 def marked_automatically(session: MarkingSession, targets_in: Callable[[np.ndarray], tuple[FoundTarget, ...]]) -> Iterator[str]:

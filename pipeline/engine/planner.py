@@ -14,7 +14,7 @@ from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Table
-from orthomill.schemas.project import PhotoFiles, Photographs, Project
+from orthomill.schemas.project import MaskFiles, PhotoFiles, Photographs, Project
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -30,7 +30,7 @@ class Planner:
     graph: Graph
     store: Store
     is_done: Callable[[tuple[str, str, int, int]], bool]
-    list_images: Callable[[PhotoFiles], tuple[str, ...]]
+    list_images: Callable[[PhotoFiles | MaskFiles], tuple[str, ...]]
 
     def __post_init__(self) -> None:
         self.complete: set[str] = set()
@@ -105,7 +105,7 @@ class Planner:
             raise NoWriter(f"the raster {name}", "")
         return self.graph.specs[name]
 
-    def image_files(self, source: Photographs, simulated_folder: str = "photographs") -> tuple[str, ...]:
+    def image_files(self, source: Photographs | MaskFiles, simulated_folder: str = "photographs") -> tuple[str, ...]:
         if source.kind != "simulated":
             return self.list_images(source)
         makers = [stage.kind for stage in self.stages if stage.makes_photographs]

@@ -23,7 +23,7 @@ from orthomill.pipeline.storage.kept_files import Defect, first_defect
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Export, Raster, Table
-from orthomill.schemas.project import PhotoFiles, Project
+from orthomill.schemas.project import MaskFiles, PhotoFiles, Project
 from orthomill.schemas.stage_contract import NotYet, Outline, Stage
 from orthomill.schemas.stage_report import report_table
 
@@ -67,7 +67,7 @@ class Session:
     project: Project
     stages: tuple[Stage, ...]
     root: Path
-    list_images: Callable[[PhotoFiles], tuple[str, ...]]
+    list_images: Callable[[PhotoFiles | MaskFiles], tuple[str, ...]]
     forced: frozenset[str] = frozenset()
     done: set[Key] = field(default_factory=set)
     skipped: set[Key] = field(default_factory=set)

@@ -172,13 +172,19 @@ def _check_window(path: Path, window: Window, shape: tuple[int, int]) -> None:
 def _decoded(dataset: rasterio.DatasetReader, window: Window, bands: int) -> np.ndarray:
     masked = is_masked(dataset)
     pixels = np.empty((*window.shape, bands + masked), dataset.dtypes[0])
-    piece = max(_PIECE, dataset.block_shapes[0][0])
+    piece, factor = max(_PIECE, dataset.block_shapes[0][0]), _full_scale(dataset)
     for row in range(0, window.height, piece):
         part = GdalWindow(window.col, window.row + row, window.width, min(piece, window.height - row))
-        pixels[row : row + piece, :, :bands] = np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
+        pixels[row : row + piece, :, :bands] = factor * np.moveaxis(dataset.read(list(range(1, bands + 1)), window=part), 0, -1)
         if masked:
             pixels[row : row + piece, :, bands] = opacity(dataset, part)
     return pixels
+
+
+def _full_scale(dataset: rasterio.DatasetReader) -> np.uint8:
+    """What grey values of less than 8 bits are multiplied with, so that white is 255: masks are often saved with 1 bit."""
+    bits = int(dataset.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8))
+    return np.uint8(255 // (2**bits - 1) if bits < 8 else 1)
 
 
 class _Kept(threading.local):

@@ -17,6 +17,8 @@ def found_lines(survey: Survey, look: FirstLook) -> Iterator[str]:
     yield f"Photographs: {_several(Counter(map(_kind, used)))}{_folders(survey)}{more}."
     if survey.linked:
         yield f"{survey.folder} in this project is now a link to {survey.linked}, which is only read."
+    if survey.source.masks is not None:
+        yield f"Masks: in {survey.source.masks}; what is black in them is not used by any stage."
     yield from survey.left_out
     yield from look.lines
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.image_files import header_or_fault
+from orthomill.pipeline.storage.photographs.file_kinds import Kind
 from orthomill.pipeline.storage.photographs.folder_listing import (
     Listing,
     image_files,
@@ -25,7 +26,8 @@ from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_besid
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError, first_of
 from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
-from orthomill.schemas.project import PhotoFolder
+from orthomill.schemas.photograph_masks import masked_photograph
+from orthomill.schemas.project import MaskFiles, PhotoFolder
 
 LINKS = "photographs"
 """folder of the project that holds links to folders of photographs outside of it"""
@@ -92,7 +94,7 @@ def survey_photographs(photos: Path, root: Path) -> Survey:
 def survey_folder(folder: str, root: Path) -> Survey:
     """Read the headers of all photographs of a folder, which may lie outside of the root. Raises WorkflowError, or PhotoError where
     no file is a photograph that can be used. Others are among the headers, with what is wrong with them."""
-    source = _source(folder, root)
+    source = _with_masks(_source(folder, root), root)
     files = image_files(root, source)
     headers = [header_or_fault(root / file).model_copy(update={"path": file}) for file in files]
     sound = [header for header in headers if not header.unusable]
@@ -119,6 +121,25 @@ def _source(folder: str, root: Path) -> PhotoFolder:
         whole = card.model_copy(update={"folders": "all"})
         return whole if _files(root, whole, found) else card
     return card if any("/" in _below(file, folder) for file in found.files) else card.model_copy(update={"folders": "none"})
+
+
+def _with_masks(source: PhotoFolder, root: Path) -> PhotoFolder:
+    """With the masks beside the photographs, or those of a folder `masks` in theirs or beside it, if any is named like one."""
+    listing = list_folder(root, source)
+    if Kind.MASK in listing.left_out:
+        return source.model_copy(update={"masks": source.path})
+    names = {masked_photograph(file) for file in listing.files}
+    for folder in (f"{source.path}/masks", f"{Path(source.path).parent.as_posix()}/masks"):
+        if (root / folder).is_dir() and names & {masked_photograph(file) for file in _masks_in(root, folder)}:
+            return source.model_copy(update={"masks": Path(folder).as_posix()})
+    return source
+
+
+def _masks_in(root: Path, folder: str) -> tuple[str, ...]:
+    try:
+        return image_files(root, MaskFiles(path=folder))
+    except WorkflowError:  # no masks in it
+        return ()
 
 
 def _files(root: Path, source: PhotoFolder, found: Listing) -> bool:

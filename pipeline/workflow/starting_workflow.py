@@ -126,6 +126,7 @@ def starting_text(
         f"  path: {flow(survey.folder)}",
         *_folders(survey),
         *_band(look),
+        *_masks(survey),
         "",
         *_cameras(survey),
         "",
@@ -153,6 +154,11 @@ def _band(look: FirstLook | None) -> Iterator[str]:
     if look and look.band:
         # So that the next run, with a few photographs more, cannot choose another one.
         yield f"  band: {flow(look.band)}  # {sentence(PhotoFolder.model_fields['band'])}"
+
+
+def _masks(survey: Survey) -> Iterator[str]:
+    if survey.source.masks is not None:
+        yield f"  masks: {flow(survey.source.masks)}  # found: black in them is not used by any stage"
 
 
 def _head(name: str, survey: Survey, found: tuple[str, ...]) -> Iterator[str]:

@@ -24,7 +24,7 @@ from orthomill.pipeline.workflow.mistakes import Mistakes, nearest
 from orthomill.pipeline.workflow.yaml_lines import Path_
 from orthomill.schemas.errors import OrthomillError, WorkflowError
 from orthomill.schemas.maps.map_scale import is_unfit, map_scale, unfit_sentence, utm_zone
-from orthomill.schemas.project import PhotoFolder, PhotoList, Project
+from orthomill.schemas.project import MaskFiles, PhotoFolder, PhotoList, Project
 from orthomill.schemas.project_paths import FileRole, file_roles, words_of
 from orthomill.schemas.stage_contract import Stage
 
@@ -233,6 +233,20 @@ def _check_folder(source: PhotoFolder, base: Path_, root: Path, mistakes: Mistak
         mistakes.add(path, f"the folder '{source.path}' does not exist{_near_file(folder, root)}")
     else:
         _check_count(source, base, root, mistakes)
+        _check_masks(source, base, root, mistakes)
+
+
+def _check_masks(source: PhotoFolder | PhotoList, base: Path_, root: Path, mistakes: Mistakes) -> None:
+    path = (*base, "masks")
+    if source.masks is None or not _inside(source.masks, path, root, mistakes):
+        return
+    if not (root / source.masks).is_dir():
+        mistakes.add(path, f"the folder of masks '{source.masks}' does not exist{_near_file(root / source.masks, root)}")
+        return
+    try:
+        image_files(root, MaskFiles(path=source.masks))
+    except WorkflowError as error:
+        mistakes.add(path, str(error))
 
 
 def _check_count(source: PhotoFolder, base: Path_, root: Path, mistakes: Mistakes) -> None:
@@ -258,6 +272,7 @@ def _check_list(source: PhotoList, base: Path_, root: Path, mistakes: Mistakes) 
             mistakes.add(path, f"'{text}' is not named like a photograph; accepted are .jpg, .jpeg, .tif, .tiff and .png.")
         else:
             _check_file(text, path, root, mistakes, "photograph")
+    _check_masks(source, base, root, mistakes)
     # A single photograph is refused for the block only: chessboards in space can be calibrated from one.
     if len(source.paths) == 1 and base == ("photographs",):
         mistakes.add((*base, "paths"), _single(source.paths[0]))

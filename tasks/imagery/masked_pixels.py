@@ -27,6 +27,17 @@ def colours_of(pixels: np.ndarray) -> np.ndarray:
     return pixels[..., :-1] if is_masked(pixels) else pixels
 
 
+def with_mask(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Pixels (rows, cols, bands) with a last band: full where they are picture and the mask (rows, cols, bands) is not black.
+
+    Grey of less than an eighth of the range counts as black: JPEG leaves ripples beside the edges of masks.
+    """
+    light = colours_of(mask).max(axis=2) >= np.iinfo(mask.dtype).max // 8
+    full = np.iinfo(pixels.dtype).max
+    picture = np.where(light & picture_of(pixels) & picture_of(mask), full, 0).astype(pixels.dtype)
+    return np.concatenate([colours_of(pixels), picture[..., None]], axis=2)
+
+
 def picture_or_nan(pixels: np.ndarray) -> np.ndarray:
     """The colours as they are, or as float32 with NaN where there is no picture."""
     if not is_masked(pixels):

@@ -36,6 +36,12 @@ def upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
     return np.ascontiguousarray(pixels[:: -1 if rows_back else 1, :: -1 if cols_back else 1])
 
 
+def from_upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    """Pixels of the upright photograph (rows, cols, bands) as its file has them."""
+    # The two quarter turns undo each other; each of the others undoes itself.
+    return upright(pixels, {6: 8, 8: 6}.get(orientation, orientation))
+
+
 def file_window(window: Window, orientation: int, height: int, width: int) -> Window:
     """Where `window` of the upright photograph lies in its file of `height` x `width`."""
     rows, cols = upright_shape(orientation, height, width)

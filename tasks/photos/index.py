@@ -22,6 +22,7 @@ from orthomill.tasks.imagery.pyramid import level_count
 from orthomill.tasks.imagery.upright import exif_orientation, upright_shape
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
+from orthomill.tasks.photos.mask_files import with_masks
 from orthomill.tasks.photos.pair_names import refuse_ambiguous
 from orthomill.tasks.photos.position_files.photographs_by_file import placed_by_file
 from orthomill.tasks.photos.position_files.tag_heights import refuse_unfit_map, with_heights_of_crs
@@ -151,12 +152,13 @@ def index_photos(
     coordinates: ImageCoordinates = _DIGITAL,
     scan_texts: tuple[str, ...] = (),
     pictures: tuple[Soundness, ...] = (),
+    masks: tuple[Header, ...] = (),
 ) -> PhotoIndex:
     """All photographs of a project, in the order of `headers`, and how scans were transformed.
 
     positions_text: the CSV file, for the kinds that read one; scan_texts: the files of `coordinates`;
-    pictures: whether those of the photographs are whole. Raises PhotoError naming every photograph that cannot be used,
-    WorkflowError for the CRS and the positions file.
+    pictures: whether those of the photographs are whole; masks: the headers of their masks. Raises PhotoError naming every
+    photograph that cannot be used, WorkflowError for the CRS and the positions file.
     """
     ground_crs(crs)
     headers, unusable = without_unusable(headers, limits.smallest_side)
@@ -167,6 +169,8 @@ def index_photos(
         raise PhotoError(" ".join(refusals))
     photos, remarks = _without_duplicates(named_apart([photo_from_header(header) for header in headers]))
     refuse_ambiguous([photo.name for photo in photos])
+    photos, of_masks = with_masks(photos, masks)
+    remarks += of_masks
     photos = _with_sensors(with_calibrations(with_serials(shared_equivalents(photos))))
     photos = with_flights(with_one_clock(photos, headers))
     photos, about_heights = with_one_sign(photos)

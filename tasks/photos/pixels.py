@@ -5,7 +5,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.photo import Soundness
 from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of
+from orthomill.tasks.imagery.masked_pixels import colours_of, picture_of, with_mask
 from orthomill.tasks.imagery.pyramid import halved_window
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.imagery.upright import upright
@@ -32,9 +32,11 @@ def picture_soundness(picture: Soundness) -> Soundness:
     return picture
 
 
-def upright_strip(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Pixels (rows, cols, bands) as read from the file, upright."""
-    return upright(pixels, orientation)
+def upright_strip(pixels: np.ndarray, orientation: int, mask: np.ndarray | None = None, mask_orientation: int = 1) -> np.ndarray:
+    """Pixels (rows, cols, bands) as read from the file, upright; with a `mask` (rows, cols, bands), which has an orientation of its
+    own, the last band of the result is full where there is picture."""
+    strip = upright(pixels, orientation)
+    return strip if mask is None else with_mask(strip, upright(mask, mask_orientation))
 
 
 def level_tile(pixels: np.ndarray, window: Window) -> np.ndarray:

@@ -20,6 +20,7 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.raster import Window
 from orthomill.schemas.survey_files.photograph_names import photo_stem
+from orthomill.tasks.imagery.masked_pixels import with_mask
 from orthomill.tasks.imagery.resampling import sample_cubic
 from orthomill.tasks.photos.fiducials import fit_marks
 
@@ -210,11 +211,14 @@ def scan_window(photo: Photo, window: Window) -> Window:
     return Window(int(low[1]), int(low[0]), int(high[1] - low[1] + 1), int(high[0] - low[0] + 1)).clipped((height, width))
 
 
-def scan_tile(photo: Photo, window: Window, source: Window, pixels: np.ndarray | None = None) -> np.ndarray:
-    """A window of the frame from `source` of the scan: (rows, cols, bands); 0 where the scan does not reach."""
+def scan_tile(
+    photo: Photo, window: Window, source: Window, pixels: np.ndarray | None = None, mask: np.ndarray | None = None
+) -> np.ndarray:
+    """A window of the frame from `source` of the scan, and of its mask: (rows, cols, bands); 0 where the scan does not reach."""
     shape = (window.height, window.width, photo.stored_bands)
     if pixels is None:
         return np.zeros(shape, photo.dtype)
+    pixels = pixels if mask is None else with_mask(pixels, mask)
     row, col = np.mgrid[window.row : window.row + window.height, window.col : window.col + window.width]
     places = to_file(photo, np.column_stack([col.ravel(), row.ravel()]).astype(float)) - [source.col, source.row]
     # float64, so that the sum over the kernel does not depend on where the tile begins.

@@ -1,4 +1,5 @@
-"""Photographs with an alpha channel through all stages: what is transparent in them is in no tie point, surface or orthoimage.
+"""Photographs with an alpha channel, or a mask beside them, through all stages: what these hide is in no tie point, surface or
+orthoimage.
 
 In the transparent part, which has the same place in every frame as a landing gear has, stands a texture in a colour that the ground
 does not have: it would be matched with itself and would be seen in the orthoimage.
@@ -25,7 +26,8 @@ HIDDEN = np.s_[110:250, 200:440]
 """rows and columns that are transparent"""
 
 
-def with_gear(source: Path, target: Path) -> None:
+def with_gear(source: Path, target: Path, mask: Path | None = None) -> None:
+    """mask: where it is written; without, it is the alpha channel of the photograph."""
     with Image.open(source) as image:
         pixels = np.asarray(image.resize(SIZE, Image.Resampling.LANCZOS)).copy()
         exif = image.getexif()
@@ -33,7 +35,11 @@ def with_gear(source: Path, target: Path) -> None:
     pixels[HIDDEN] = np.stack([200 + 55 * spots, 60 * spots, 200 + 55 * spots], axis=-1)
     opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
     opaque[HIDDEN] = 0
-    Image.fromarray(np.concatenate([pixels, opaque], axis=2)).save(target, exif=exif)
+    if mask:
+        Image.fromarray(opaque[..., 0]).save(mask)
+        Image.fromarray(pixels).save(target, exif=exif)
+    else:
+        Image.fromarray(np.concatenate([pixels, opaque], axis=2)).save(target, exif=exif)
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +48,10 @@ def run(tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("masked")
     (root / "photos").mkdir()
     (root / "workflows").mkdir()
-    for source in sorted(SHIPPED.glob("*.JPG"))[:3]:
-        with_gear(source, root / "photos" / f"{source.stem}.png")
-    write_workflow(root, stages=STAGES)
+    for number, source in enumerate(sorted(SHIPPED.glob("*.JPG"))[:3]):
+        mask = root / "photos" / f"{source.stem}_mask.png" if number == 1 else None
+        with_gear(source, root / "photos" / f"{source.stem}.png", mask)
+    write_workflow(root, stages=STAGES, photographs={"kind": "folder", "path": "photos", "masks": "photos"})
     assert " 0 failed" in command_in(root, "run", "site", "--sequential")
     return root / "runs" / "site"
 
@@ -70,4 +77,5 @@ def test_no_transparent_pixel_is_in_the_orthoimage(run):
 
 
 def test_the_report_says_what_was_not_used(run):
-    assert "marks as transparent is not used" in " ".join((run / "report.html").read_text().split())
+    report = " ".join((run / "report.html").read_text().split())
+    assert "marks as transparent is not used" in report and "What is black in the masks of 1 photograph" in report

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from orthomill.pipeline.serving.marking.mark_tables import mark_files
 from orthomill.pipeline.storage.whole_files import whole_file
 from orthomill.schemas.errors import StoreError
-from orthomill.schemas.marks import Mark, MarkedPoint, Marks, PointRole
+from orthomill.schemas.marks import HiddenArea, Mark, MarkedPoint, Marks, PointRole
 from orthomill.schemas.observations import Distance
 
 LEDGER = "marks.json"
@@ -64,7 +64,20 @@ class DistanceChange(_Change):
     after: Distance | None
 
 
-Change = Annotated[MarkChange | PointChange | DistanceChange, Field(discriminator="kind")]
+class AreaChange(_Change):
+    """A part of a photograph hidden or (`after` None) shown again."""
+
+    kind: Literal["area"]
+    before: HiddenArea | None
+    after: HiddenArea | None
+
+    @property
+    def photo(self) -> str:
+        """Whose area it is."""
+        return next((area.photo for area in (self.after, self.before) if area), "")
+
+
+Change = Annotated[MarkChange | PointChange | DistanceChange | AreaChange, Field(discriminator="kind")]
 CHANGES: TypeAdapter[Change] = TypeAdapter(Change)
 
 
@@ -104,6 +117,8 @@ class MarkLedger:
         """The marks after a change; None where it has been made already."""
         if isinstance(change, MarkChange):
             return self._marked(change)
+        if isinstance(change, AreaChange):
+            return self._hidden(change)
         return self._pointed(change) if isinstance(change, PointChange) else self._measured(change)
 
     def _keep(self, marks: Marks) -> None:
@@ -183,6 +198,16 @@ class MarkLedger:
                 raise StoreError("A distance needs two different points, a positive length and a positive standard error.")
         kept = [one for one in now if one != before]
         return self.marks.model_copy(update={"distances": (*kept, *((after,) if after else ()))})
+
+    def _hidden(self, change: AreaChange) -> Marks | None:
+        now = self.marks.areas
+        # An area that is gone already was shown again by another page, or by this one before its answer was lost.
+        if change.after in now or (change.after is None and change.before not in now):
+            return None
+        if change.after is not None and change.after.photo not in self._sizes:
+            raise StoreError(f"The project has no photograph {change.after.photo}.")
+        kept = tuple(area for area in now if area != change.before)
+        return self.marks.model_copy(update={"areas": (*kept, *((change.after,) if change.after else ()))})
 
 
 def _fields(point: MarkedPoint) -> PointFields:

@@ -9,7 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from orthomill.pipeline.serving.marking.field_files import GEOJSON, GPX, next_point_files, next_sentence
-from orthomill.pipeline.serving.marking.mark_ledger import Change, MarkLedger
+from orthomill.pipeline.serving.marking.mark_ledger import AreaChange, Change, MarkLedger
+from orthomill.pipeline.serving.marking.mask_images import MaskImages
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
 from orthomill.pipeline.storage.table_files import write_whole
 from orthomill.schemas.errors import OrthomillError
@@ -35,8 +36,10 @@ class KnowsTheBlock(Protocol):
 class MarkingSession:
     """One project whose points are being marked, for all pages that look at it."""
 
-    def __init__(self, project: str, ledger: MarkLedger, crops: PhotographCrops, block: KnowsTheBlock) -> None:
-        self.project, self.ledger, self.crops, self._block = project, ledger, crops, block
+    def __init__(self, project: str, ledger: MarkLedger, crops: PhotographCrops, block: KnowsTheBlock, masks: MaskImages) -> None:
+        self.project, self.ledger, self.crops, self._block, self._masks = project, ledger, crops, block, masks
+        # A process that ended between a change and its mask left the older one.
+        masks.write(ledger.marks.areas)
         self._lock = Lock()
         self._judged: tuple[int, dict[str, Any]] = (0, {})
 
@@ -50,17 +53,21 @@ class MarkingSession:
             "revision": revision,
             "points": [point.model_dump(mode="json") for point in marks.points],
             "distances": [one.model_dump(mode="json") for one in marks.distances],
+            "areas": [one.model_dump(mode="json") for one in marks.areas],
             "judgement": self._judgement(revision, marks),
         }
 
     def photographs(self) -> dict[str, Any]:
         """What does not change while the page is open."""
         photos = [{"name": photo.name, "width": photo.width, "height": photo.height} for photo in self.crops.photos.values()]
-        return {"project": self.project, "oriented": self._block.oriented, "photos": photos, "folder": str(self.ledger.folder)}
+        folders = {"folder": str(self.ledger.folder), "masks": self._masks.path}
+        return {"project": self.project, "oriented": self._block.oriented, "photos": photos, **folders}
 
     def change(self, change: Change) -> dict[str, Any]:
         """Make a change; what everything is afterwards. Raises what `MarkLedger.apply` does."""
         self.ledger.apply(change)
+        if isinstance(change, AreaChange) and change.photo:
+            self._masks.write(self.ledger.marks.areas, change.photo)
         return self.state()
 
     def sights(self, point: str) -> list[dict[str, Any]]:

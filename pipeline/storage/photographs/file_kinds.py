@@ -30,6 +30,7 @@ class Kind(StrEnum):
     HEIF = "heif"
     RAW = "raw"
     RAW_BESIDE = "raw_beside"
+    MASK = "mask"
     BELOW = "below"
     LINKED_FOLDER = "linked_folder"
     BROKEN_LINK = "broken_link"
@@ -46,6 +47,7 @@ SPEECH: dict[Kind, tuple[str, str, str]] = {
     Kind.HEIF: ("HEIC photograph", "HEIC photographs", EXTRA),
     Kind.RAW: ("raw photograph", "raw photographs", EXTRA),
     Kind.RAW_BESIDE: ("raw photograph", "raw photographs", "a developed one of the same name lies beside it and is used"),
+    Kind.MASK: ("mask", "masks", "name their folder in the workflow (photographs > masks) to use them"),
     Kind.BELOW: ("photograph in folders below", "photographs in folders below", "set 'folders: all' in the workflow to take them"),
     Kind.LINKED_FOLDER: ("link to a folder", "links to folders", "they are not followed"),
     Kind.BROKEN_LINK: ("broken link", "broken links", "copy the photographs that were meant"),

@@ -23,7 +23,8 @@ from orthomill.pipeline.storage.photographs.file_kinds import (
     kind_of_file,
 )
 from orthomill.schemas.errors import WorkflowError, some_of
-from orthomill.schemas.project import PhotoFiles, PhotoFolder
+from orthomill.schemas.photograph_masks import is_named_mask, masked_photograph
+from orthomill.schemas.project import MaskFiles, PhotoFiles, PhotoFolder
 
 _CARD = re.compile(r"DCIM|\d{3}[A-Z0-9_]{5}", re.IGNORECASE)
 """Folders of a memory card (JEITA CP-3461, DCF 2.0, 3.2): DCIM, and in it 100MEDIA, 101_0002, 100CANON."""
@@ -109,7 +110,10 @@ def list_folder(root: Path, source: PhotoFolder) -> Listing:
     names = {path: _readable(path, search.top) for path in search.found}
     beside = _raw_beside(search.found)
     search.left[Kind.RAW_BESIDE] += sorted(names[path] for path in beside)
-    files = sorted((PurePosixPath(source.path) / names[path]).as_posix() for path in search.found if path not in beside)
+    masks = _masks_beside(search.found)
+    if source.masks is None:
+        search.left[Kind.MASK] += sorted(names[path] for path in masks)
+    files = sorted((PurePosixPath(source.path) / names[path]).as_posix() for path in search.found if path not in beside | masks)
     return Listing(tuple(files), {kind: tuple(left) for kind, left in search.left.items() if left}, tuple(search.closed))
 
 
@@ -131,6 +135,13 @@ def _raw_beside(found: list[Path]) -> set[Path]:
     return {path for path in found if path.suffix.lower() in RAW_SUFFIXES and path.with_suffix("") in developed}
 
 
+def _masks_beside(found: list[Path]) -> set[Path]:
+    """Files that are named as masks of others in their folder."""
+    named = {path for path in found if is_named_mask(path.name)}
+    photographs = {(path.parent, path.stem.lower()) for path in found if path not in named}
+    return {path for path in named if (path.parent, masked_photograph(path.name)) in photographs}
+
+
 def _readable(path: Path, top: Path) -> str:
     """The name of a file below `top`. Raises WorkflowError when it is not text: no table could hold it."""
     name = path.relative_to(top).as_posix()
@@ -143,15 +154,26 @@ def _readable(path: Path, top: Path) -> str:
     return name
 
 
-def image_files(root: Path, source: PhotoFiles) -> tuple[str, ...]:
+def image_files(root: Path, source: PhotoFiles | MaskFiles) -> tuple[str, ...]:
     """The image files of a folder or a list, relative to `root`, sorted by name. Raises WorkflowError when there are none."""
     if source.kind == "list":
         return tuple(sorted(source.paths))
+    if source.kind == "masks":
+        return _mask_files(root, source)
     listing = list_folder(root, source)
     chosen = tuple(path for path in listing.files if fnmatch.fnmatchcase(PurePosixPath(path).name, source.pattern))
     if not chosen:
         raise WorkflowError(_no_images(source, listing, root))
     return chosen
+
+
+def _mask_files(root: Path, source: MaskFiles) -> tuple[str, ...]:
+    """The masks of a folder: those beside photographs or, where none are named so, all of its images."""
+    listing = list_folder(root, PhotoFolder(kind="folder", path=source.path, folders="all"))
+    masks = tuple((PurePosixPath(source.path) / name).as_posix() for name in listing.left_out.get(Kind.MASK, ()))
+    if not (masks or listing.files):
+        raise WorkflowError(f"The folder {source.path} contains no masks (JPEG, TIFF or PNG images); correct photographs > masks.")
+    return masks or listing.files
 
 
 def _no_images(source: PhotoFolder, listing: Listing, root: Path) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPicture, PhotoPixels, Raster, Region, Table, TextFile
 from orthomill.schemas.photo import PHOTOS, Photo, Soundness, photo_raster
+from orthomill.schemas.project import MaskFiles
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
@@ -36,11 +37,13 @@ def exposure_table(photo: str) -> Table[Exposure]:
 def photo_jobs(asked: PhotosStage, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
     """The table of photographs first, then their strips, levels and exposure."""
     ground_crs(view.project.crs)
-    paths = view.image_files(view.project.photographs)
+    source = view.project.photographs
+    paths = view.image_files(source)
+    masks = () if source.kind == "simulated" or source.masks is None else view.image_files(MaskFiles(path=source.masks))
     for number, path in enumerate(paths):
         picture, soundness = {"picture": PhotoPicture(path)}, {"soundness": _soundness(number)}
         yield Job(stage=KIND, item="pictures", function=picture_soundness, reads=picture, writes=soundness, row=number)
-    yield _index_job(asked, view, paths)
+    yield _index_job(asked, view, paths, tuple(sorted(set(masks) - set(paths))))
     # Sizes and numbers of levels are known when the headers have been read: planning continues from here when they are.
     photos = view.table(PHOTOS)
     for photo in photos.photos:
@@ -55,10 +58,11 @@ def photo_jobs(asked: PhotosStage, view: ProjectView) -> Iterator[RasterSpec | J
     )
 
 
-def _index_job(asked: PhotosStage, view: ProjectView, paths: tuple[str, ...]) -> Job:
+def _index_job(asked: PhotosStage, view: ProjectView, paths: tuple[str, ...], masks: tuple[str, ...]) -> Job:
     headers, pictures = tuple(PhotoHeader(path) for path in paths), tuple(map(_soundness, range(len(paths))))
     texts = tuple(TextFile(path) for path in asked.coordinates.files)
     reads: dict[str, Region | tuple[Region, ...]] = {"headers": headers, "pictures": pictures, "scan_texts": texts}
+    reads |= {"masks": tuple(map(PhotoHeader, masks))} if masks else {}
     reads |= _positions_file(view)
     params: dict[str, Any] = {
         "crs": view.project.crs,
@@ -92,15 +96,16 @@ def _strip_jobs(photo: Photo, tile: int) -> Iterator[Job]:
     name = photo_raster(photo.name)
     in_file = upright_shape(photo.exif_orientation, photo.height, photo.width)
     for index, window in enumerate(_strips(photo, tile)):
-        source = PhotoPixels(photo.path, file_window(window, photo.exif_orientation, *in_file))
+        in_window = file_window(window, photo.exif_orientation, *in_file)
+        mask = {"mask": PhotoPixels(photo.mask, window if photo.mask_upright else in_window)} if photo.mask else {}
         yield Job(
             stage=KIND,
             item=f"{photo.name} strip",
             row=index,
             function=upright_strip,
-            reads={"pixels": source},
+            reads={"pixels": PhotoPixels(photo.path, in_window), **mask},
             writes={"strip": Raster(name, window)},
-            params={"orientation": photo.exif_orientation},
+            params=_orientations(photo),
             # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
             # progressive JPEG have 16 bits.
             scratch=2 * window.cells * photo.stored_bands,
@@ -120,11 +125,20 @@ def _scan_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             col=cell.col,
             function=scan_tile,
             # The frame is a rectangle around the marks, the scan may end before it: such tiles read nothing and are black.
-            reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source)},
+            reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source), **_scan_mask(photo, source)},
             writes={"tile": Raster(spec.name, cell.window)},
             params={"photo": photo, "window": cell.window, "source": source},
             scratch=(16 * source.cells + 48 * tile * tile) * photo.stored_bands,
         )
+
+
+def _orientations(photo: Photo) -> dict[str, int]:
+    own = {"orientation": photo.exif_orientation}
+    return own | ({"mask_orientation": 1 if photo.mask_upright else photo.exif_orientation} if photo.mask else {})
+
+
+def _scan_mask(photo: Photo, source: Window) -> dict[str, PhotoPixels]:
+    return {"mask": PhotoPixels(photo.mask, source)} if photo.mask else {}
 
 
 def _level_jobs(photo: Photo, level: int, tile: int) -> Iterator[Job]:

@@ -80,6 +80,11 @@ _SENTENCES = {
         "the positions in a file."
     ),
     PhotoRemarkCode.SEVERAL_PICTURES: ("Only the first picture is used of files that hold {words} of one size: {count} ({names})."),
+    PhotoRemarkCode.MASK_FILES: "What is black in the masks of {count} ({names}) is not used.",
+    PhotoRemarkCode.IDLE_MASK: (
+        "Masks that are named like no photograph of the project mask nothing: {names}. Name them like the photographs: IMG_1.png "
+        "or IMG_1_mask.png."
+    ),
     PhotoRemarkCode.DEWARPED: "The lens distortion of {count} was removed in the camera.",
     PhotoRemarkCode.DIGITAL_ZOOM: (
         "{count} ({names}) were enlarged in the camera by digital zoom ({words} times) and have a camera of their own."

@@ -25,7 +25,7 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
         yield from _heights([photo for photo in photos if photo.altitude is not None], tags)
     calibrated = [photo for photo in photos if photo.factory and photo.factory.kind == "calibrated"]
     yield from _of(PhotoRemarkCode.FACTORY_CAMERA, calibrated)
-    yield from _of(PhotoRemarkCode.MASKED, [photo for photo in photos if photo.masked])
+    yield from _of(PhotoRemarkCode.MASKED, [photo for photo in photos if photo.masked and not photo.mask])
     yield from _of(PhotoRemarkCode.DEWARPED, [photo for photo in photos if photo.dewarped])
     zoomed = [photo for photo in photos if photo.zoom != 1.0]
     zooms = sorted({photo.zoom for photo in zoomed})

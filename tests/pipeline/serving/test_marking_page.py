@@ -16,6 +16,7 @@ from orthomill.pipeline.report.paper import FLAGS
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
 from orthomill.pipeline.serving.marking.mark_routes import mark_routes
 from orthomill.pipeline.serving.marking.marking_session import MarkingSession
+from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages
 from orthomill.pipeline.watching.map_server import served
 from orthomill.schemas.photo import Photo
 from orthomill.tasks.marking.judging import judged, sights
@@ -63,7 +64,8 @@ def page_of(folder, points=1):
         given = simulated_marks(BLOCK, 4, points=points)
         bare = tuple(point.model_copy(update={"marks": {}, "role": "control"}) for point in given.points)
         ledger.replace(given.model_copy(update={"points": bare}))
-    session = MarkingSession("site", ledger, GreyCrops(), KnownBlock())
+    crops = GreyCrops()
+    session = MarkingSession("site", ledger, crops, KnownBlock(), MaskImages(folder, folder / MASKS, crops.photos.values()))
     with served(mark_routes(session), "marks") as address:
         yield address, session
 
@@ -104,6 +106,20 @@ def test_where_next_is_told_and_written(tmp_path):
     with page_of(tmp_path) as (address, _):
         status, told = asked(address, "next", {})
         assert status == 200 and told[0].startswith("A control point at") and (tmp_path / "next_points.gpx").exists()
+
+
+def test_a_hidden_area_becomes_a_mask_and_is_shown_again(tmp_path):
+    with page_of(tmp_path) as (address, session):
+        area = {"photo": "photo_0001", "corners": [[10, 20], [100, 20], [100, 60], [10, 60]]}
+        status, told = asked(address, "change", {"kind": "area", "before": None, "after": area})
+        assert status == 200 and told["areas"] == [area]
+        mask = cv2.imread(str(tmp_path / MASKS / "photo_0001.png"), cv2.IMREAD_UNCHANGED)
+        assert mask.shape == (3000, 4000) and (mask == 0).sum() == 91 * 41 and (mask[20:61, 10:101] == 0).all()
+        assert len(session.ledger.marks.areas) == 1
+        assert asked(address, "change", {"kind": "area", "before": area, "after": None})[0] == 200
+        assert not (tmp_path / MASKS / "photo_0001.png").exists()
+        status, told = asked(address, "change", {"kind": "area", "before": None, "after": area | {"corners": [[1, 1], [2, 2]]}})
+        assert status == 400 and "corners" in told["error"]
 
 
 @pytest.fixture(scope="module")
@@ -204,3 +220,22 @@ def test_two_browsers_see_each_other(tmp_path, browser):
         photo = next(iter(marked(session)))
         stale = {"kind": "mark", "point": "P1", "photo": photo, "before": None, "after": {"col": 3.0, "row": 3.0}}
         assert asked(address, "change", stale)[0] == 409
+
+
+def test_an_area_is_hidden_by_clicks_and_shown_again(tmp_path, browser):
+    with page_of(tmp_path) as (address, session):
+        page, errors = opened(browser, address)
+        page.keyboard.press("m")
+        box = page.locator("#canvas").bounding_box()
+        for x, y in ((0.3, 0.3), (0.6, 0.3), (0.6, 0.7), (0.3, 0.7)):
+            page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+        page.keyboard.press("Enter")
+        settled(page)
+        (area,) = session.ledger.marks.areas
+        assert len(area.corners) == 4 and "masks: " in page.inner_text("#dialog")
+        page.keyboard.press("Escape")
+        page.mouse.click(box["x"] + 0.45 * box["width"], box["y"] + 0.5 * box["height"])
+        page.keyboard.press("Delete")  # the corner of the click
+        page.keyboard.press("Delete")
+        settled(page)
+        assert not session.ledger.marks.areas and not marked(session) and not errors

@@ -95,7 +95,7 @@ def test_a_workflow_has_its_nested_settings_in_columns():
     project = Project(project="site", crs="EPSG:2100", photographs=photographs, cameras=cameras)
     text = workflow_text(project, (MatchingStage(), PaintingStage(note="a: b")))
     value = read_yaml(text).value
-    every = photographs | {"folders": "none", "pattern": "*", "band": None}
+    every = photographs | {"folders": "none", "pattern": "*", "band": None, "masks": None}
     assert value["cameras"]["photographs"] == every and value["cameras"]["corners"] == [5, 6]
     assert [stage["kind"] for stage in value["stages"]] == ["matching", "painting"] and value["stages"][1]["note"] == "a: b"
     assert Project.model_validate({name: part for name, part in value.items() if name != "stages"}) == project
