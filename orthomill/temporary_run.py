@@ -22,7 +22,7 @@ from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, PhotoError
 from orthomill.schemas.job import Export, Job, Raster, Table
-from orthomill.schemas.project import Photographs, PhotoList, Project
+from orthomill.schemas.project import MaskFiles, Photographs, PhotoList, Project
 from orthomill.schemas.raster import RasterSpec, tiles_of
 from orthomill.schemas.stage_contract import ProjectView, Stage
 
@@ -118,6 +118,6 @@ def photo_list(photographs: str | Path | Sequence[str | Path]) -> PhotoList:
     return PhotoList(kind="list", paths=tuple(str(path.resolve()) for path in found))
 
 
-def _listed(source: Photographs) -> tuple[str, ...]:
+def _listed(source: Photographs | MaskFiles) -> tuple[str, ...]:
     assert isinstance(source, PhotoList), "a temporary run has listed photographs"
     return source.paths

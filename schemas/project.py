@@ -286,6 +286,27 @@ class ControlFromScans(Settings):
     absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 
 
+class ControlFromTargets(Settings):
+    """Coded targets (AprilTag, ArUco) that are found in the photographs by themselves. Codes without coordinates are tie points."""
+
+    kind: Literal["targets"]
+    points: ProjectPath | None = setting(
+        None,
+        "Coordinates of the targets, a list as for kind: files; names are those of the codes (tag36h11-7, aruco4x4-7), or their "
+        "numbers. null: none are known.",
+    )
+    distances: ProjectPath | None = setting(
+        None, "CSV with the columns from, to, metres, sigma: scale bars, or distances measured between targets."
+    )
+    crs: str | None = setting(None, "Reference system of the points; by default the one that the file names, or the project's.")
+    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
+    sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
+    errors_in: Literal["m", "mm"] | None = setting(
+        None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
+    )
+    check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")
+
+
 class NoControl(Settings):
     """No ground control."""
 
@@ -299,7 +320,8 @@ class SimulatedControl(Settings):
 
 
 ControlSource = Annotated[
-    ControlFromFiles | ControlFromGcpList | ControlFromScans | NoControl | SimulatedControl, Field(discriminator="kind")
+    ControlFromFiles | ControlFromGcpList | ControlFromScans | ControlFromTargets | NoControl | SimulatedControl,
+    Field(discriminator="kind"),
 ]
 
 

@@ -14,13 +14,14 @@ from orthomill.tasks.inspections.photographs_of_place import photographs_of_plac
 from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
 from orthomill.tasks.marking.given_points import given_points, marks_of
+from orthomill.tasks.marking.hidden_areas import hidden_mask
 from orthomill.tasks.marking.marker import marker_of
-from orthomill.tasks.marking.targets.photo_targets import targets_in
 from orthomill.tasks.orientation.plane.block_on_plane import SURVEY_BLOCK, SURVEY_POINTS
 from orthomill.tasks.orientation.relative.classical_forms import classical_forms
 from orthomill.tasks.orientation.results.handover import OrientedProject, handed_files
 from orthomill.tasks.projection.model.glb import as_glb
 from orthomill.tasks.projection.model.height_patch import height_patch
+from orthomill.tasks.targets.photo_targets import targets_in
 
 __all__ = [
     "SURVEY_BLOCK",
@@ -38,6 +39,7 @@ __all__ = [
     "grown_pair",
     "handed_files",
     "height_patch",
+    "hidden_mask",
     "inspected",
     "look_ahead",
     "marker_of",

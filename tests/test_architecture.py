@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parent.parent
-SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery", "colouring")
+SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery", "targets", "colouring")
 CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
 CROWD = 20
 STAGES = tuple(path.parent.name for path in sorted((ROOT / "tasks").glob("*/stage.py")) if path.parent.name != "simulation")

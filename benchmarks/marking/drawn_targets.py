@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.instrument.result_page import write_page
 from orthomill.schemas.marks import FoundTarget
-from orthomill.tasks.marking.targets.photo_targets import photo_targets
+from orthomill.tasks.targets.photo_targets import photo_targets
 
 FINER = 8
 """Samples of a pixel along and across."""

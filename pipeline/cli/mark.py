@@ -12,7 +12,7 @@ import numpy as np
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
 from orthomill.pipeline.serving.marking.marking_session import KnowsTheBlock, MarkingSession
-from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages
+from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages, MaskOf
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
 from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
 from orthomill.pipeline.storage.store import Store
@@ -31,11 +31,13 @@ _TABLES: dict[str, Table[Any]] = {"block": BLOCK, "tie_points": TIE_POINTS, "res
 
 @dataclass(frozen=True)
 class Marking:
-    """What the catalogue knows of marking: a marker by the tables of a run (keywords), points of a text, and control as marks."""
+    """What the catalogue knows of marking: a marker by the tables of a run (keywords), points of a text, control as marks, and
+    hidden areas as a mask."""
 
     marker: Callable[..., KnowsTheBlock]
     given_points: GivenPoints
     marks_of: Callable[[Control], Marks]
+    mask_of: MaskOf
 
 
 def marks_folder(loaded: LoadedWorkflow) -> Path:
@@ -61,7 +63,7 @@ def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | Non
         if points is not None:
             ledger.replace(with_points(ledger.marks, marking.given_points(photos, *_read(points, crs), loaded.project.crs)))
         known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
-        masks = MaskImages(loaded.root, marks_folder(loaded) / MASKS, photos.photos)
+        masks = MaskImages(loaded.root, marks_folder(loaded) / MASKS, photos.photos, marking.mask_of)
         yield MarkingSession(name, ledger, PhotographCrops(store, photos), known, masks)
 
 

@@ -26,8 +26,8 @@ from orthomill.pipeline.workflow.lying_beside import NOTHING, Beside, look_besid
 from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError, first_of
 from orthomill.schemas.maps.map_scale import utm_zone
 from orthomill.schemas.photo import Header
-from orthomill.schemas.photograph_masks import masked_photograph
 from orthomill.schemas.project import MaskFiles, PhotoFolder
+from orthomill.schemas.survey_files.photograph_masks import masked_photograph
 
 LINKS = "photographs"
 """folder of the project that holds links to folders of photographs outside of it"""

@@ -112,6 +112,25 @@ class PhotographsAbsent(_OfControl):
         return bool(self.lost)
 
 
+class TargetsNotFound(_OfControl):
+    """Points of which no coded target was found in any photograph."""
+
+    code: Literal["targets_not_found"] = "targets_not_found"
+    points: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        were = "point was" if len(self.points) == 1 else "points were"
+        return (
+            f"The coded targets of {len(self.points)} {were} found in no photograph: {some_of(self.points)}. Names must be those "
+            "of the codes (orthomill inspect targets PHOTO lists them), and a code must be 20 pixels wide or more."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return False
+
+
 # People reduce photographs and keep the list that was measured in the originals.
 class MeasurementsOfOriginals(_OfControl):
     """Control measurements were read as pixels of the photographs before these were reduced."""
@@ -354,6 +373,7 @@ ControlFinding = Annotated[
     | ControlElsewhere
     | HeightsAllZero
     | PhotographsAbsent
+    | TargetsNotFound
     | MeasurementsOfOriginals
     | MeasurementsReduced
     | ControlExchanged

@@ -4,7 +4,7 @@ from orthomill.schemas.inspection import PhotoFile
 from orthomill.schemas.marks import FoundTarget
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.upright import exif_orientation, upright
-from orthomill.tasks.marking.targets.photo_targets import targets_in
+from orthomill.tasks.targets.photo_targets import targets_in
 
 
 def targets_of_photograph(photo: PhotoFile) -> tuple[FoundTarget, ...]:

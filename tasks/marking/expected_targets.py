@@ -10,8 +10,8 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.marking.belief import Belief
 from orthomill.tasks.marking.patch_matching import search_radius
 from orthomill.tasks.marking.proposals import ReadGrey
-from orthomill.tasks.marking.targets.photo_targets import photo_targets, stretched
-from orthomill.tasks.marking.targets.target_points import Detections, target_points
+from orthomill.tasks.marking.target_points import Detections, target_points
+from orthomill.tasks.targets.photo_targets import photo_targets, stretched
 
 TargetsOf = Callable[[str], tuple[FoundTarget, ...]]
 """the targets of a photograph"""

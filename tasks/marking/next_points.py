@@ -16,7 +16,7 @@ from orthomill.schemas.marks import Marks, NextPoint
 from orthomill.tasks.marking.belief import Belief
 from orthomill.tasks.marking.judging import numbered
 from orthomill.tasks.marking.mark_solution import pushed_intersection
-from orthomill.tasks.marking.targets.target_points import belief_views
+from orthomill.tasks.marking.target_points import belief_views
 from orthomill.tasks.marking.wrong_marks import examined
 
 SIDE = 13

@@ -4,7 +4,7 @@ from collections import defaultdict
 
 from orthomill.schemas.errors import PhotoError, some_of
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode
-from orthomill.schemas.photograph_masks import masked_photograph
+from orthomill.schemas.survey_files.photograph_masks import masked_photograph
 from orthomill.tasks.imagery.upright import turned
 
 

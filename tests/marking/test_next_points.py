@@ -12,7 +12,7 @@ from orthomill.pipeline.serving.marking.field_files import GEOJSON, GPX, next_po
 from orthomill.schemas.marks import Mark, MarkedPoint, Marks, NextPoint
 from orthomill.tasks.marking.belief import Belief
 from orthomill.tasks.marking.next_points import SURVEYED, next_points, seen_places
-from orthomill.tasks.marking.targets.target_points import belief_views
+from orthomill.tasks.marking.target_points import belief_views
 
 BLOCK = simulated_block(2, 5, seed=8, position_sigma=1.0)
 

@@ -11,9 +11,9 @@ from orthomill.pipeline.storage.photographs.folder_listing import image_files, l
 from orthomill.pipeline.workflow.photograph_survey import survey_folder
 from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode
-from orthomill.schemas.photograph_masks import masked_photograph
 from orthomill.schemas.project import MaskFiles, PhotoFolder
 from orthomill.schemas.raster import Window
+from orthomill.schemas.survey_files.photograph_masks import masked_photograph
 from orthomill.tasks.imagery.masked_pixels import picture_of, with_mask
 from orthomill.tasks.photos.mask_files import with_masks
 from orthomill.tasks.photos.pixels import upright_strip

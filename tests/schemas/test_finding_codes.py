@@ -124,6 +124,7 @@ BLOCK_VALUES = {
 CONTROL_VALUES = {
     "heights_not_transformed": {"crs": "EPSG:2100+5773"},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
+    "targets_not_found": {"points": ("T1", "T2")},
     "heights_all_zero": {"points": 5, "freed": True},
     "measurements_reduced": {"measurements": 25, "outside": 20, "factor": 5.0},
     "control_exchanged": {"points": 5, "crs": "EPSG:2180"},

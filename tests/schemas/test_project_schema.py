@@ -72,6 +72,7 @@ SOURCES = [
     ("control", {"kind": "files", "points": "p.csv", "measurements": "m.csv"}, {"distances": None, "crs": None}),
     ("control", {"kind": "gcp_list", "path": "gcp_list.txt"}, {"sigma_plan": 0.03, "sigma_height": 0.05, "sigma_px": 1.0}),
     ("control", {"kind": "scans", "measurements": "m.csv"}, {"check": (), "absent": "skip"}),
+    ("control", {"kind": "targets", "distances": "bars.csv"}, {"points": None, "sigma_plan": 0.03, "check": ()}),
     ("control", {"kind": "none"}, {}),
     ("control", {"kind": "simulated"}, {}),
 ]

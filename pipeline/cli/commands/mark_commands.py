@@ -30,11 +30,11 @@ def mark(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.serving.marking.mark_routes import mark_routes
     from orthomill.pipeline.watching.map_server import served
-    from orthomill.tasks.lookups import given_points, marker_of, marks_of, targets_in
+    from orthomill.tasks.lookups import given_points, hidden_mask, marker_of, marks_of, targets_in
 
     with plain_errors(debug):
         loaded = load_project(name)
-        known = Marking(marker_of, given_points, marks_of)
+        known = Marking(marker_of, given_points, marks_of, hidden_mask)
         if auto or where:
             with marking_session(loaded, known, points, crs) as session:
                 for line in marked_automatically(session, targets_in) if auto else ():

@@ -3,27 +3,29 @@
 What a photograph's own mask hides is hidden in them too, so that one folder of masks is enough for a workflow.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 
-from orthomill.pipeline.storage.image_files import read_pixels
+from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.marks import HiddenArea
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.raster import Window
-from orthomill.tasks.imagery.upright import from_upright, turned
 
 MASKS = "masks"
 """folder beside the marks"""
+MaskOf = Callable[[Photo, Iterable[HiddenArea], np.ndarray | None], np.ndarray]
+"""The mask of a photograph by its hidden areas and its own mask."""
 
 
 class MaskImages:
-    """The masks in a folder of the project at `root`, one for each of the `photos` that has hidden areas or a mask of its own."""
+    """The masks in a folder of the project at `root`, one for each of the `photos` that has hidden areas or a mask of its own;
+    `mask_of` draws them."""
 
-    def __init__(self, root: Path, folder: Path, photos: Iterable[Photo]) -> None:
-        self._root, self._folder = root, folder
+    def __init__(self, root: Path, folder: Path, photos: Iterable[Photo], mask_of: MaskOf) -> None:
+        self._root, self._folder, self._mask_of = root, folder, mask_of
         self._photos = {photo.name: photo for photo in photos}
 
     @property
@@ -49,17 +51,8 @@ class MaskImages:
     def _image(self, photo: Photo, areas: list[HiddenArea], own: str | None) -> bytes:
         import cv2
 
-        mask = np.full((photo.height, photo.width), 255, np.uint8)
-        for area in areas:
-            cv2.fillPoly(mask, [np.rint(np.array(area.corners)).astype(np.int32)], 0)
-        mask = from_upright(mask[..., None], photo.exif_orientation)[..., 0]
-        if own:
-            mask = np.minimum(mask, self._own(own, photo))
-        return bytes(cv2.imencode(".png", mask)[1])
+        return bytes(cv2.imencode(".png", self._mask_of(photo, areas, self._pixels(own) if own else None))[1])
 
-    def _own(self, path: str, photo: Photo) -> np.ndarray:
-        """The photograph's own mask in the frame of its file."""
-        upright = (photo.height, photo.width)
-        size = upright if photo.mask_upright or not turned(photo.exif_orientation) else upright[::-1]
-        pixels = read_pixels(self._root / path, Window(0, 0, *size)).max(axis=2, keepdims=True)
-        return (from_upright(pixels, photo.exif_orientation) if photo.mask_upright else pixels)[..., 0]
+    def _pixels(self, path: str) -> np.ndarray:
+        header = read_header(self._root / path)
+        return read_pixels(self._root / path, Window(0, 0, header.height, header.width))

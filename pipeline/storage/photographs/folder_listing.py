@@ -23,8 +23,8 @@ from orthomill.pipeline.storage.photographs.file_kinds import (
     kind_of_file,
 )
 from orthomill.schemas.errors import WorkflowError, some_of
-from orthomill.schemas.photograph_masks import is_named_mask, masked_photograph
 from orthomill.schemas.project import MaskFiles, PhotoFiles, PhotoFolder
+from orthomill.schemas.survey_files.photograph_masks import is_named_mask, masked_photograph
 
 _CARD = re.compile(r"DCIM|\d{3}[A-Z0-9_]{5}", re.IGNORECASE)
 """Folders of a memory card (JEITA CP-3461, DCF 2.0, 3.2): DCIM, and in it 100MEDIA, 101_0002, 100CANON."""

@@ -185,7 +185,7 @@ def _measured(
         for name in known
         if not measured[name] and name not in lost and f"point {name} " not in answered
     ]
-    lengths = () if distances is None else tuple(_distances(distances, points_of, lost, mistakes))
+    lengths = () if distances is None else tuple(read_distances(distances, points_of, lost, mistakes))
     if mistakes:
         raise WorkflowError(first_of(mistakes))
     finding = skipped.finding(points_of)
@@ -336,26 +336,35 @@ def _measurements(
     return measured
 
 
-def _distances(text: str, known: dict[str, ControlPoint], lost: tuple[str, ...], mistakes: list[str]) -> Iterator[Distance]:
-    """The distances, but for those to points that were lost with their photographs."""
+def read_distances(
+    text: str,
+    known: dict[str, ControlPoint],
+    lost: tuple[str, ...],
+    mistakes: list[str],
+    unknown: str = "is not in the control points file",
+) -> Iterator[Distance]:
+    """The distances of a CSV text with DISTANCE_COLUMNS (m) between `known` points, but for those to points that were `lost` with
+    their photographs; `unknown`: what is wrong with a point that is not known."""
     for line, row in _rows(text, DISTANCE_COLUMNS, "distances", mistakes):
         ends = row["from"], row.get("to", "")
         where = f"Distances file, line {line}, {ends[0]} to {ends[1]}: "
         values = _numbers(row, DISTANCE_COLUMNS[2:], where.removesuffix(": "), mistakes)
         if set(ends).intersection(lost):
             continue
-        mistake = _distance_mistake(ends, values, known)
+        mistake = _distance_mistake(ends, values, known, unknown)
         if mistake:
             mistakes.append(f"{where}{mistake}")
         elif values:
             yield Distance(first=ends[0], second=ends[1], length=values[0], sigma=values[1])
 
 
-def _distance_mistake(ends: tuple[str, str], values: tuple[float, ...] | None, known: dict[str, ControlPoint]) -> str | None:
+def _distance_mistake(
+    ends: tuple[str, str], values: tuple[float, ...] | None, known: dict[str, ControlPoint], unknown: str
+) -> str | None:
     """What is wrong with one distance, as the end of a sentence."""
     for name in ends:
         if name not in known:
-            return f"the point '{name}' is not in the control points file."
+            return f"the point '{name}' {unknown}."
         if known[name].role == "check":
             return f"{name} is a check point, which takes no part in the adjustment; give it the role control or tie."
         # Control has coordinates of its own; a tie point needs two rays, or the distance determines nothing.

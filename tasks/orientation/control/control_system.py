@@ -19,7 +19,7 @@ from orthomill.schemas.findings.control_findings import (
 )
 from orthomill.schemas.observations import Control, ControlPoint, RegisteredPoints
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList, ControlFromScans
+from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList, ControlFromScans, ControlFromTargets
 from orthomill.tasks.geometry.reference_system import in_area_of_use, on_earth
 from orthomill.tasks.geometry.survey_system import (
     fitting_system,
@@ -31,6 +31,7 @@ from orthomill.tasks.geometry.survey_system import (
     transform_surveyed,
 )
 from orthomill.tasks.orientation.control.absent_photographs import Rule
+from orthomill.tasks.orientation.control.coded_points import PhotoCodes, coded_points
 from orthomill.tasks.orientation.control.control_datum import datum_apart
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control, read_points
 from orthomill.tasks.orientation.control.control_heights import about_feet, at_the_heights_of_positions, with_free_heights
@@ -112,6 +113,23 @@ def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs
     # Refuses an unknown system even where the list holds no surveyed point that would need it.
     survey_crs(found.crs)
     return _in_project(_with(found.control, of_originals), photos, found.crs, crs)
+
+
+def control_from_targets(
+    photos: Photos,
+    codes: tuple[PhotoCodes, ...],
+    source: ControlFromTargets,
+    crs: str,
+    points: str | None = None,
+    distances: str | None = None,
+) -> Control:
+    """Control from coded targets that were found in the photographs, in the project's system `crs`; `points`, `distances`: texts of
+    the files of the source. Raises WorkflowError."""
+    stated = StatedControl(
+        sigma_plan=source.sigma_plan, sigma_height=source.sigma_height, check=source.check, unit=source.errors_in, crs=source.crs
+    )
+    found = coded_points(photos, codes, source, stated, points, distances)
+    return _in_project(found.control, photos, source.crs or found.crs or None, crs)
 
 
 def _with(control: Control, findings: tuple[ControlFinding, ...]) -> Control:

@@ -18,7 +18,7 @@ from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.exterior.fixed_block import orient_fixed
 from orthomill.tasks.orientation.exterior.started_block import orient_from
 from orthomill.tasks.orientation.orientation_settings import ForeignSource
-from orthomill.tasks.orientation.plan.control_jobs import Reads, control_job
+from orthomill.tasks.orientation.plan.control_jobs import Reads, control_jobs
 from orthomill.tasks.orientation.plane.block_on_plane import PLANE, SURVEY_BLOCK, SURVEY_POINTS, block_on_plane
 from orthomill.tasks.orientation.relative.pairs import no_pairs, relate_pairs
 from orthomill.tasks.orientation.report.block_report import report
@@ -42,7 +42,7 @@ BLOCK_TABLES: Tables = {
 
 def orientation_jobs(asked: OrientationStage, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
     """Control, pairs, the block, and what is made from it."""
-    yield control_job(view)
+    yield from control_jobs(view)
     fixed, grid = asked.fixed_source, view.project.grid
     tables = BLOCK_TABLES if grid.kind == "map" else BLOCK_TABLES | {"block": SURVEY_BLOCK, "points": SURVEY_POINTS}
     block = SURVEY_BLOCK if grid.kind == "plane" else BLOCK

@@ -19,6 +19,7 @@ from orthomill.pipeline.serving.marking.marking_session import MarkingSession
 from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages
 from orthomill.pipeline.watching.map_server import served
 from orthomill.schemas.photo import Photo
+from orthomill.tasks.marking.hidden_areas import hidden_mask
 from orthomill.tasks.marking.judging import judged, sights
 from orthomill.tasks.marking.next_points import next_points
 
@@ -65,7 +66,9 @@ def page_of(folder, points=1):
         bare = tuple(point.model_copy(update={"marks": {}, "role": "control"}) for point in given.points)
         ledger.replace(given.model_copy(update={"points": bare}))
     crops = GreyCrops()
-    session = MarkingSession("site", ledger, crops, KnownBlock(), MaskImages(folder, folder / MASKS, crops.photos.values()))
+    session = MarkingSession(
+        "site", ledger, crops, KnownBlock(), MaskImages(folder, folder / MASKS, crops.photos.values(), hidden_mask)
+    )
     with served(mark_routes(session), "marks") as address:
         yield address, session
 

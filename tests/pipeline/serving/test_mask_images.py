@@ -8,6 +8,7 @@ from orthomill.pipeline.serving.marking.mask_images import MaskImages
 from orthomill.schemas.marks import HiddenArea
 from orthomill.schemas.photo import Photo
 from orthomill.tasks.imagery.upright import upright
+from orthomill.tasks.marking.hidden_areas import hidden_mask
 
 AREA = HiddenArea(photo="a", corners=((2, 3), (9, 3), (9, 5), (2, 5)))
 
@@ -16,7 +17,7 @@ def masks(folder, orientation=1, **fields):
     photo = Photo(
         name="a", path="a.jpg", width=40, height=30, bands=3, dtype="uint8", camera="c", exif_orientation=orientation, **fields
     )
-    return MaskImages(folder, folder / "masks", [photo])
+    return MaskImages(folder, folder / "masks", [photo], hidden_mask)
 
 
 def written(folder):

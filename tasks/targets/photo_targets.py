@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.marks import FoundTarget, TargetKind
-from orthomill.tasks.marking.targets.coded_targets import coded_targets
-from orthomill.tasks.marking.targets.ring_patterns import KINDS, ring_targets
-from orthomill.tasks.marking.targets.symmetric_centre import SymmetricCentre, symmetric_centre
+from orthomill.tasks.targets.coded_targets import coded_targets
+from orthomill.tasks.targets.ring_patterns import KINDS, ring_targets
+from orthomill.tasks.targets.symmetric_centre import SymmetricCentre, symmetric_centre
 
 PARTS = (1.0, 0.8, 0.62)
 """of the reach: what lies about a small target is no part of its symmetry"""
