@@ -6,6 +6,7 @@ import numpy as np
 
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.height_differences import even
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
@@ -21,9 +22,11 @@ class VolumeWindow(NamedTuple):
     judgement: np.ndarray
     confidence: np.ndarray
 
-    def confident(self, matched: np.ndarray) -> np.ndarray:
-        """(rows, cols) bool: measured; matched (rows, cols) bool: where a pair has a height near it."""
-        return (self.confidence == Confidence.HIGH) | ((self.confidence == Confidence.BLURRED) & matched)
+    def confident(self, matched: np.ndarray, even: np.ndarray) -> np.ndarray:
+        """(rows, cols) bool: measured; matched and even (rows, cols) bool: where a pair has a height near it, and where there is no
+        second surface next to it."""
+        faint = (self.confidence == Confidence.FAINT) & even
+        return (self.confidence == Confidence.HIGH) | ((self.confidence == Confidence.BLURRED) | faint) & matched
 
     @property
     def coherent(self) -> np.ndarray:
@@ -63,19 +66,21 @@ class VolumeWindow(NamedTuple):
         return cls(*nothing, np.full(shape, Confidence.LOW, np.uint8))
 
 
-def completed(cells: FusedCells, volume: VolumeWindow) -> FusedCells:
-    """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled.
+def completed(cells: FusedCells, volume: VolumeWindow, cell: float) -> FusedCells:
+    """The fused cells with heights of the volume where they have none; standard errors there are NaN until modelled; cell: its
+    side, m.
 
     Where the volume is not confident, what pairs found near it is an estimate as well: they started from there. Where it stands
     alone, pairs do not enter: each would follow another leaf.
     """
     matched = np.isfinite(cells.height) & ~volume.alone
     added = ~matched & np.isfinite(volume.height)
-    unsure = np.isfinite(volume.height) & ~volume.confident(matched)
+    height = np.where(added, volume.height, cells.height)
+    unsure = np.isfinite(volume.height) & ~volume.confident(matched, even(height, cell))
     code = np.where(added, np.uint8(Provenance.VOLUME), cells.provenance)
     estimate = np.where(volume.confidence == Confidence.COARSE, np.uint8(Provenance.COARSE), np.uint8(Provenance.INCOHERENT))
     return FusedCells(
-        np.where(added, volume.height, cells.height),
+        height,
         np.where(volume.alone, np.float32(np.nan), cells.precision),
         np.where(volume.alone, np.uint8(0), cells.count),
         np.where(unsure, estimate, code),

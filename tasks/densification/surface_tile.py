@@ -16,6 +16,7 @@ from orthomill.tasks.densification.filling import fill, without
 from orthomill.tasks.densification.fusion import FusedCells, fuse
 from orthomill.tasks.densification.gridding import TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
+from orthomill.tasks.densification.height_differences import EVEN_REACH
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector
@@ -54,7 +55,7 @@ class SurfaceRules:
     def halo(self) -> int:
         """Cells around a tile that influence it."""
         # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
-        return STACK_REACH + self.spikes.halo + max(REACH + self.fill.reach, CODE_REACH) + 1
+        return STACK_REACH + self.spikes.halo + EVEN_REACH + max(REACH + self.fill.reach, CODE_REACH) + 1
 
 
 class SurfaceStatistics(BaseModel):
@@ -153,7 +154,7 @@ def make_surface(
     fused = fuse(stack, cell, rules.fusion)
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
-    measured = completed(without(fused, spiky), volume)
+    measured = completed(without(fused, spiky), volume, cell)
     cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules)
     points = collector.points(cells.provenance)
     return surface_cells(cells, datum, statistics, points)

@@ -28,7 +28,7 @@ def test_the_volume_gives_what_pairs_do_not():
     volume = volume_of(
         (5.2, 6.0, 7.0, np.nan, 8.0), (Confidence.HIGH, Confidence.HIGH, Confidence.LOW, Confidence.LOW, Confidence.CALMED)
     )
-    found = completed(cells_of(5.0, np.nan, np.nan, np.nan, np.nan), volume)
+    found = completed(cells_of(5.0, np.nan, np.nan, np.nan, np.nan), volume, 1.0)
     assert found.height[0].tolist()[:3] == [5.0, 6.0, 7.0] and np.isnan(found.height[0, 3])
     codes = [Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT, Provenance.EMPTY, Provenance.INCOHERENT]
     assert found.provenance[0].tolist() == codes and found.count[0].tolist() == [1, 0, 0, 0, 0]
@@ -44,21 +44,32 @@ def test_pairs_count_farther_from_a_height_of_narrow_bases_or_of_a_coarser_level
 
 def test_where_leaves_stand_alone_the_coarser_level_counts_and_no_pair():
     found = completed(
-        cells_of(5.0, 5.0, np.nan), volume_of((5.2, 5.2, 5.2), (Confidence.COARSE, Confidence.CALMED, Confidence.COARSE))
+        cells_of(5.0, 5.0, np.nan), volume_of((5.2, 5.2, 5.2), (Confidence.COARSE, Confidence.CALMED, Confidence.COARSE)), 1.0
     )
     assert found.provenance[0].tolist() == [Provenance.COARSE, Provenance.INCOHERENT, Provenance.COARSE]
     assert found.height[0] == pytest.approx(5.2) and np.isnan(found.precision).all() and not found.count.any()
 
 
 def test_what_pairs_find_where_the_volume_is_not_sure_is_an_estimate():
-    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (Confidence.HIGH, Confidence.LOW)))
+    found = completed(cells_of(5.0, 5.0), volume_of((5.2, 5.2), (Confidence.HIGH, Confidence.LOW)), 1.0)
     assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
     assert found.height[0].tolist() == [5.0, 5.0] and found.count[0].tolist() == [1, 1]
 
 
 def test_a_pair_decides_where_only_the_rivals_of_the_volume_are_too_far_away():
-    found = completed(cells_of(5.0, np.nan), volume_of((5.2, 5.2), (Confidence.BLURRED, Confidence.BLURRED)))
+    found = completed(cells_of(5.0, np.nan), volume_of((5.2, 5.2), (Confidence.BLURRED, Confidence.BLURRED)), 1.0)
     assert found.provenance[0].tolist() == [Provenance.ONE_PAIR, Provenance.INCOHERENT]
+
+
+@pytest.mark.parametrize(("step", "beside"), [(0.0, True), (0.5, True), (4.0, False)])
+def test_a_pair_decides_among_near_rivals_on_even_ground_only(step, beside):
+    """A slope is even; next to a step nothing is."""
+    heights = [*np.arange(6) * 0.5, *(step + np.arange(6, 12) * 0.5)]
+    found = completed(cells_of(*heights), volume_of(heights, [Confidence.FAINT] * 12), 1.0)
+    measured = found.provenance[0] == Provenance.ONE_PAIR
+    assert measured[[0, 1, 10, 11]].all() and (measured[4:8] == beside).all()
+    unmatched = completed(cells_of(*[np.nan] * 12), volume_of(heights, [Confidence.FAINT] * 12), 1.0)
+    assert (unmatched.provenance == Provenance.INCOHERENT).all()
 
 
 WHOLE = Window(0, 0, *LEVEL_GRID.shape)

@@ -7,6 +7,7 @@ from village_pair import LEVEL_GRID, level_nodes, level_pair, surface_tile
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
+from orthomill.tasks.densification.height_differences import EVEN_REACH
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH
 from orthomill.tasks.densification.precision.standard_errors import REACH, SHARE
@@ -165,7 +166,7 @@ def test_statistics_of_tiles_add_up():
 
 def test_the_halo_covers_every_filter():
     rules = rules_of(SpikeFilter(radius=3.0, rounds=2, far_radius=5.0))
-    assert rules.halo == STACK_REACH + 3 * 2 + 5 + CODE_REACH + 1
+    assert rules.halo == STACK_REACH + 3 * 2 + 5 + EVEN_REACH + CODE_REACH + 1
     wide = rules_of(fill=EstimateGaps(max_gap=2 * CODE_REACH))
     assert wide.halo - RULES.halo == REACH + CODE_REACH
 

@@ -10,7 +10,8 @@ from scipy import ndimage
 
 from orthomill.schemas.surface import GUESSED, MEASURED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.standard_errors import REACH, extremes
+from orthomill.tasks.densification.height_differences import extremes
+from orthomill.tasks.densification.precision.standard_errors import REACH
 from orthomill.tasks.densification.volume.quality import box_sums
 
 _RISE = 2.2

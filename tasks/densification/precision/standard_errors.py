@@ -25,6 +25,7 @@ from scipy import ndimage
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
+from orthomill.tasks.densification.height_differences import height_range
 from orthomill.tasks.densification.volume.coherent_levels import standard_errors
 from orthomill.tasks.densification.volume.quality import box_sums
 from orthomill.tasks.matching.dense.unevenness import AROUND, unevenness
@@ -108,18 +109,3 @@ def _apart(cells: FusedCells, volume: VolumeWindow, step: float) -> tuple[np.nda
     """Volume minus pairs (rows, cols) int64, parts of a step, 0 where one is missing; and bool where both are there."""
     both = np.isfinite(cells.precision) & np.isfinite(volume.height) & (step > 0)
     return np.where(both, np.rint((volume.height - cells.height) * (_PARTS / max(step, 1e-9))), 0).astype(np.int64), both
-
-
-def height_range(height: np.ndarray, reach: int) -> np.ndarray:
-    """Highest minus lowest height (rows, cols) float32, m, of the cells up to `reach` away in rows and columns; unknown ones do not
-    count."""
-    known = np.isfinite(height)
-    highest, lowest = extremes(height, known, reach)
-    return np.where(known, highest - lowest, 0.0).astype(np.float32)
-
-
-def extremes(height: np.ndarray, counted: np.ndarray, reach: int) -> tuple[np.ndarray, np.ndarray]:
-    """Highest and lowest height (rows, cols) m of the `counted` cells up to `reach` away; -inf and inf where there is none."""
-    size = 2 * reach + 1
-    highest = ndimage.maximum_filter(np.where(counted, height, -np.inf), size, mode="nearest")
-    return highest, ndimage.minimum_filter(np.where(counted, height, np.inf), size, mode="nearest")

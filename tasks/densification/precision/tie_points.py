@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
-from orthomill.tasks.densification.precision.standard_errors import extremes
+from orthomill.tasks.densification.height_differences import extremes
 
 _SIGMAS = 3.0
 """standard errors, of the point and the height together, beyond which a point contradicts the surface"""

@@ -18,7 +18,8 @@ from scipy import ndimage
 from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.standard_errors import REACH, height_range, matched_precision
+from orthomill.tasks.densification.height_differences import height_range
+from orthomill.tasks.densification.precision.standard_errors import REACH, matched_precision
 from orthomill.tasks.densification.volume.quality import box_sums
 from orthomill.tasks.matching.dense.unevenness import unevenness
 

@@ -20,7 +20,7 @@ class ConfidenceLimits(Settings):
         1.6, "How far from it heights may lie, on average, that fit nearly as well.", "heights", ge=0.0, le=15.0
     )
     with_pair: float = setting(
-        0.5, "The same as distinctiveness, for heights near which a pair matched; they may be spread.", ge=0.0, le=2.5
+        0.3, "The same as distinctiveness, for heights on even ground near which a pair matched.", ge=0.0, le=2.5
     )
 
 

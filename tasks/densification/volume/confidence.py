@@ -2,9 +2,10 @@
 
 Strategy. A height counts as measured where those around go along with it, it beats its rivals as clearly as is usual here, none of
 them lies far away, and two photographs or more see all of its surroundings. Where only its rivals are too far away (grass, in which
-the next heights fit nearly as well), or are beaten less clearly than is usual, a pair that matched there decides. The others are
-estimates. In a wood or on water, where every leaf and wave has a height of its own that no neighbour shares, the surface is that of
-the finest level on which the place is coherent (coherent_levels.py).
+the next heights fit nearly as well) a pair that matched there decides. So it does where they are beaten less clearly than is usual,
+or not all of the surroundings are seen twice, but on even ground only: beside a wall both may prefer the surface next door. The
+others are estimates. In a wood or on water, where every leaf and wave has a height of its own that no neighbour shares, the surface
+is that of the finest level on which the place is coherent (coherent_levels.py).
 """
 
 from collections.abc import Sequence
@@ -30,9 +31,12 @@ class Confidence(IntEnum):
     LOW = 1
     CALMED = 2
     BLURRED = 3
-    """high but for its rivals, which fit nearly as well, or are farther away: measured where a pair decides among them"""
+    """high but for rivals that are farther away: measured where a pair decides among them"""
     COARSE = 4
     """calmed, and shown by a coarser level"""
+    FAINT = 5
+    """coherent, but its rivals fit nearly as well, or something around is not seen twice: measured where a pair matched on even
+    ground"""
 
 
 class JudgedVolume(NamedTuple):
@@ -83,11 +87,12 @@ def judged(
     inner = tile.window.within(tile.around).slices
     known, judgements = np.isfinite(height), judgement(quality)
     enclosed = _enclosed(known)
-    coherent, clear = _coherent(settings, judgements) & enclosed, _clear(settings, judgements)
-    alone = known & ~(coherent & clear) & _alone(quality, known)
+    coherent, distinct, near = _coherent(settings, judgements), _distinct(settings, judgements), _near(settings, judgements)
+    high = coherent & enclosed & distinct & near
+    alone = known & ~high & _alone(quality, known)
     confidence = np.select(
-        [coherent & clear, coherent & _passable(settings, judgements), alone],
-        [np.uint8(Confidence.HIGH), np.uint8(Confidence.BLURRED), np.uint8(Confidence.CALMED)],
+        [high, coherent & enclosed & distinct, alone, known & coherent & _passable(settings, judgements)],
+        [np.uint8(code) for code in (Confidence.HIGH, Confidence.BLURRED, Confidence.CALMED, Confidence.FAINT)],
         np.uint8(Confidence.LOW),
     )
     calmer, judgements, confidence = _bordered(height, enclosed)[inner], judgements[inner], confidence[inner]
@@ -109,14 +114,18 @@ def _coherent(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
     return judged[..., Judgement.COHERENCE] >= 100 * limits.coherence
 
 
-def _clear(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
-    """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are beaten, and near."""
-    beaten = judged[..., Judgement.DISTINCTIVENESS] >= 100 * limits.distinctiveness
-    return beaten & (judged[..., Judgement.SPREAD] <= SPREAD_UNIT * limits.rival_spread)
+def _distinct(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are beaten."""
+    return judged[..., Judgement.DISTINCTIVENESS] >= 100 * limits.distinctiveness
+
+
+def _near(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool from a judgement (rows, cols, 5): its rivals are near."""
+    return judged[..., Judgement.SPREAD] <= SPREAD_UNIT * limits.rival_spread
 
 
 def _passable(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
-    """(rows, cols) bool from a judgement (rows, cols, 5): clear enough for a pair to decide."""
+    """(rows, cols) bool from a judgement (rows, cols, 5): clear enough for a pair to decide on even ground."""
     return judged[..., Judgement.DISTINCTIVENESS] >= 100 * min(limits.with_pair, limits.distinctiveness)
 
 

@@ -54,7 +54,7 @@ def level(height: float = 50.0) -> np.ndarray:
         (0.9, 2.5, ConfidenceLimits(), Confidence.BLURRED),
         (0.6, 2.5, ConfidenceLimits(), Confidence.LOW),
         (0.9, 2.5, ConfidenceLimits(rival_spread=3.0), Confidence.HIGH),
-        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2), Confidence.BLURRED),
+        (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2), Confidence.FAINT),
         (0.9, 0.5, ConfidenceLimits(distinctiveness=1.2, with_pair=1.2), Confidence.LOW),
         (0.3, 0.0, ConfidenceLimits(), Confidence.CALMED),
     ],
@@ -72,6 +72,7 @@ def test_nothing_is_sure_next_to_the_border():
     near = (np.abs(row - 40) <= 4) & (np.abs(col - 50) <= 4)
     edge = (row < 4) | (col < 4) | (row >= SHAPE[0] - 4) | (col >= SHAPE[1] - 4)
     assert ((found.confidence == Confidence.HIGH) == ~(near | edge)).all()
+    assert ((found.confidence == Confidence.FAINT) == (near | edge) & np.isfinite(height)).all(), "a pair may decide there"
 
 
 def test_heights_at_the_border_are_those_farther_inside():
