@@ -22,7 +22,8 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.pyramid import level_shape
 from orthomill.tasks.imagery.radiometry import grey
 from orthomill.tasks.matching.volume.candidates import CellRanges, all_planes, bounded, narrowed
-from orthomill.tasks.matching.volume.height_volume import Choice, OptimisedCells, optimised, ranges_of, scratch_bytes
+from orthomill.tasks.matching.volume.costs import Choice, PhotographStack
+from orthomill.tasks.matching.volume.height_volume import OptimisedCells, optimised, ranges_of, scratch_bytes
 from orthomill.tasks.matching.volume.rectified_photograph import (
     CellFrame,
     PhotographPixels,
@@ -32,6 +33,8 @@ from orthomill.tasks.matching.volume.rectified_photograph import (
 )
 from orthomill.tasks.matching.volume.signatures import signatures
 from orthomill.tasks.matching.volume.volume_settings import HeightVolume
+from orthomill.tasks.matching.volume.wall_sides import HALF, LEAST, Lookouts, decided, wall_sides
+from orthomill.tasks.matching.volume.wall_sides import SPACING as SMALL_SPACING
 from orthomill.tasks.matching.volume.winners import coherence
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, visible_targets
 
@@ -149,7 +152,26 @@ def solve_volume(
     images = (_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts)
     pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
     choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), _hidden(tile, views, coarser))
-    return _solved(tile, optimised(images, pixels, choice, candidates, settings), float(heights[0]), settings)
+    cells = optimised(images, pixels, choice, candidates, settings)
+    height = (float(heights[0]) + cells.plane.astype(np.float64) * tile.level.step).astype(np.float32)
+    # What a coarser level says of an edge is looked at again by the next one anyway.
+    sides = wall_sides(height, LEAST * tile.level.step) if tile.level.number == 0 else None
+    if sides is None or not sides.near.any():
+        return _solved(tile, cells, height, settings)
+    small = settings.model_copy(update={"window": 2 * HALF + 1, "spacing": SMALL_SPACING})
+    parts = zip(tile.photos, views, photos, strict=True)
+    stack = PhotographStack.of((_rectified(tile, *part, heights, small) for part in parts), pixels, HALF)
+    upper = decided(height, sides, stack, choice, candidates, heights, _lookouts(tile, views))
+    moved = sides.contradicted(height, upper)
+    # Where the two looks contradict each other nothing is distinct.
+    cells = cells._replace(margin=np.where(moved, np.float32(0), cells.margin))
+    return _solved(tile, cells, np.where(moved, np.where(upper, sides.upper, sides.lower), height), settings)
+
+
+def _lookouts(tile: VolumeTile, views: list[View]) -> Lookouts:
+    frame, centres = _cell_frame(tile), np.array([view.centre for view in views])
+    col, row = (centres[:, 0] - frame.x) / frame.cell, (frame.y - centres[:, 1]) / frame.cell
+    return Lookouts(col, row, centres[:, 2], LEAST / 2 * tile.level.step)
 
 
 def _shown_twice(tile: VolumeTile, views: list[View], terrain: np.ndarray) -> np.ndarray:
@@ -249,12 +271,11 @@ def _pixel(tile: VolumeTile, part: PhotoPart, view: View) -> float:
     return distance / view.camera.c * 2**part.level * np.sqrt(distance / down) / tile.level.grid.cell
 
 
-def _solved(tile: VolumeTile, cells: OptimisedCells, lowest: float, settings: HeightVolume) -> SolvedVolume:
+def _solved(tile: VolumeTile, cells: OptimisedCells, height: np.ndarray, settings: HeightVolume) -> SolvedVolume:
     step = tile.level.step
-    height = (lowest + cells.plane.astype(np.float64) * step).astype(np.float32)
     slope = settings.coherence_slope * tile.level.grid.cell
     agreeing = coherence(height, np.float32(settings.coherence * step) * cells.stretch, slope)
-    height[cells.shown < 2] = np.nan
+    height = np.where(cells.shown < 2, np.float32(np.nan), height)
     quality = quality_bands(cells.margin, agreeing, cells.seen, cells.spread, cells.stretch)
     inner = tile.window.within(tile.work).slices
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))

@@ -124,7 +124,7 @@ def _stretches(flat, starts, sizes, planes, spacing, preferred, hidden, low, off
             n, first = offset[r * cols + c + 1] - offset[r * cols + c], low[r, c]
             if n < 2:
                 continue
-            photos = _choose(
+            photos = choose(
                 flat, starts, sizes, planes, preferred[r // spacing, c // spacing], hidden, r, c, first, n, none, most, chosen
             )
             one, next_one = first + n // 2 - 1, first + n // 2
@@ -149,7 +149,7 @@ def _moved(plane, other, r, c):
 
 
 @njit(inline="always")
-def _lookup(flat, start, rows, cols, plane, r, c, none):
+def looked_up(flat, start, rows, cols, plane, r, c, none):
     """The signature of a photograph at a cell and plane, `none` outside."""
     col, row = plane[0] * c + plane[1] + np.float32(0.5), plane[0] * r + plane[2] + np.float32(0.5)
     if col >= 0 and row >= 0 and col < cols and row < rows:
@@ -180,7 +180,7 @@ def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset,
             n, first = end - begin, low[r, c]
             if n == 0:
                 continue
-            photos = _choose(
+            photos = choose(
                 flat, starts, sizes, planes, preferred[r // spacing, c // spacing], hidden, r, c, first, n, none, most, chosen
             )
             if photos < 2:
@@ -189,7 +189,7 @@ def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset,
             for m in range(photos):
                 p = chosen[m]
                 for k in range(n):
-                    found[m, k] = _lookup(
+                    found[m, k] = looked_up(
                         flat, starts[p], sizes[p, 0], sizes[p, 1], planes[p, first + k], np.float32(r), np.float32(c), none
                     )
             pairs = 0
@@ -225,13 +225,13 @@ def _shows(flat, start, size, planes, r, c, none):
     """Whether a photograph shows a cell at any of nine planes spread over its range; the middle first, which is most likely."""
     last = planes.shape[0] - 1
     for q in (4, 0, 8, 2, 6, 1, 3, 5, 7):
-        if _lookup(flat, start, size[0], size[1], planes[q * last // 8], np.float32(r), np.float32(c), none) != none:
+        if looked_up(flat, start, size[0], size[1], planes[q * last // 8], np.float32(r), np.float32(c), none) != none:
             return True
     return False
 
 
 @njit(inline="always")
-def _choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none, most, chosen):
+def choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none, most, chosen):
     """Writes the numbers of the photographs to be compared into `chosen`; returns how many. Those not hidden come first."""
     photos = 0
     for use_hidden in range(2):
@@ -269,5 +269,5 @@ def _photographs_at(flat, starts, sizes, planes, hidden, winners, none, out):
                 continue
             for p in range(starts.size):
                 plane = planes[p, winners[r, c]]
-                seen = _lookup(flat, starts[p], sizes[p, 0], sizes[p, 1], plane, np.float32(r), np.float32(c), none) != none
+                seen = looked_up(flat, starts[p], sizes[p, 0], sizes[p, 1], plane, np.float32(r), np.float32(c), none) != none
                 out[r, c] += seen and not hidden[p, r, c]
