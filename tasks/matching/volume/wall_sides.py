@@ -25,8 +25,8 @@ _REACH = 3
 """cells on every side from which the two surfaces are known"""
 _QUARTER = 0.25
 """heights farther than this share of the step from its middle belong to one of the surfaces: those between are a blurred wall"""
-_FEWEST = 3
-"""cells without which there is no surface"""
+_FEWEST, _BETWEEN = 3, 0.2
+"""cells without which there is no surface, and share of the heights around that lie between at most: those of leaves all do"""
 _SHADOW = 12
 """cells that may stand before a cell"""
 _SMOOTH = 1.0
@@ -114,11 +114,11 @@ def _sides(height, least, upper, lower):
                 continue
             top, bottom = max(0, r - _REACH), min(rows, r + _REACH + 1)
             left, right = max(0, c - _REACH), min(cols, c + _REACH + 1)
-            low, high = np.float32(np.inf), np.float32(-np.inf)
+            low, high, known = np.float32(np.inf), np.float32(-np.inf), 0
             for y in range(top, bottom):
                 for x in range(left, right):
                     if height[y, x] == height[y, x]:
-                        low, high = min(low, height[y, x]), max(high, height[y, x])
+                        low, high, known = min(low, height[y, x]), max(high, height[y, x]), known + 1
             if high - low < least:
                 continue
             middle, margin = (low + high) / 2, np.float32(_QUARTER) * (high - low)
@@ -131,7 +131,7 @@ def _sides(height, least, upper, lower):
                         above, heavy, many = above + weight * height[y, x], heavy + weight, many + 1
                     elif height[y, x] < middle - margin:
                         below, light, few = below + weight * height[y, x], light + weight, few + 1
-            if many >= _FEWEST and few >= _FEWEST:
+            if many >= _FEWEST and few >= _FEWEST and known - many - few <= _BETWEEN * known:
                 upper[r, c], lower[r, c] = above / heavy, below / light
 
 

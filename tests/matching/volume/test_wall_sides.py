@@ -31,7 +31,8 @@ def plain_sides(height: np.ndarray, least: float) -> np.ndarray:
             continue
         weight = 1 / (1 + (y - r) ** 2 + (x - c) ** 2) ** 2
         parts = near > low + 0.75 * (high - low), near < low + 0.25 * (high - low)
-        if all(part.sum() >= 3 for part in parts):
+        between = np.isfinite(near).sum() - sum(part.sum() for part in parts)
+        if all(part.sum() >= 3 for part in parts) and between <= 0.2 * np.isfinite(near).sum():
             out[:, r, c] = [(weight * near)[part].sum() / weight[part].sum() for part in parts]
     return out
 
@@ -43,6 +44,11 @@ def test_both_surfaces_are_those_around():
     assert np.stack(sides) == pytest.approx(plain_sides(height, 5.0), nan_ok=True, rel=1e-5)
     assert sides.near[25, 17:23].all() and not sides.near[25, :17].any() and not sides.near[25, 23:40].any()
     assert not wall_sides(height, 20.0).near.any()
+
+
+def test_leaves_are_no_two_surfaces():
+    leaves = np.random.default_rng(2).uniform(LOW, HIGH, (50, 60)).astype(np.float32)
+    assert not wall_sides(leaves, 3.0).near[3:-3, 3:-3].any()
 
 
 def test_heights_between_the_surfaces_belong_to_neither():
