@@ -46,9 +46,10 @@ def test_both_surfaces_are_those_around():
     assert not wall_sides(height, 20.0).near.any()
 
 
-def test_leaves_are_no_two_surfaces():
+def test_leaves_and_slopes_are_no_two_surfaces():
     leaves = np.random.default_rng(2).uniform(LOW, HIGH, (50, 60)).astype(np.float32)
-    assert not wall_sides(leaves, 3.0).near[3:-3, 3:-3].any()
+    slope = np.add.outer(np.arange(50), 2 * np.arange(60)).astype(np.float32)
+    assert not wall_sides(leaves, 3.0).near[3:-3, 3:-3].any() and not wall_sides(slope, 3.0).near[3:-3, 3:-3].any()
 
 
 def test_heights_between_the_surfaces_belong_to_neither():
