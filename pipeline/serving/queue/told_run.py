@@ -61,7 +61,8 @@ class ToldRun:
 
     def _progress(self, told: dict[str, Any]) -> list[str]:
         share, left = told.get("share"), told.get("left_seconds")
-        known = max(float(share), self.progress.share) if isinstance(share, int | float) else self.progress.share
+        # It may go back, as a stage turns out larger than was foreseen: a bar that stands still for an hour tells less.
+        known = float(share) if isinstance(share, int | float) else self.progress.share
         seconds = left if isinstance(left, int | float) else None
         stage, counts = self.progress.stage, ""
         for kind, count in told.get("stages", {}).items():
