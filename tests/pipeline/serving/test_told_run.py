@@ -16,7 +16,15 @@ def progress(share: float | None, done: int, planned: int = 100, left: float | N
 
 def test_progress_is_told_in_steps_and_as_it_is():
     run = ToldRun()
-    lines = told(run, progress(None, 0), progress(0.1, 10, left=600.0), progress(0.11, 11), progress(0.05, 12), progress(0.5, 50), progress(0.4, 60))
+    lines = told(
+        run,
+        progress(None, 0),
+        progress(0.1, 10, left=600.0),
+        progress(0.11, 11),
+        progress(0.05, 12),
+        progress(0.5, 50),
+        progress(0.4, 60),
+    )
     assert lines == [
         "[7 s] 10 % of the work, about 10 min left; texture: 10 of 100 jobs",
         "[7 s] 50 % of the work; texture: 50 of 100 jobs",
