@@ -22,6 +22,7 @@ from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, St
 from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.geometry.distortion import lens_of
 from orthomill.tasks.geometry.rotation import rotation_derivatives, rotation_matrix
+from orthomill.tasks.geometry.view import View
 
 MOST_RAYS = 150_000
 """Of more rays a share stands for all: their covariance is needed to two digits, and within seconds."""
@@ -54,6 +55,10 @@ class Belief:
 
     def camera_of(self, photo: int) -> Camera:
         return self.cameras[self.network.camera_of[photo]]
+
+    def view_of(self, photo: int) -> View:
+        """A photograph at its present place, in local coordinates."""
+        return View(self.names[photo], self.camera_of(photo), self.state.rotation[photo], self.state.centre[photo])
 
 
 def block_belief(

@@ -9,7 +9,8 @@ import numpy as np
 from orthomill.schemas.marks import ExpectedSight, MarkedPoint, MarkJudgement, Marks, MarkVerdict, PlacedPoint, WrongMark
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.marking.belief import Belief
-from orthomill.tasks.marking.mark_solution import MarkedRays, MarkSolution, ray_directions, solved
+from orthomill.tasks.marking.mark_solution import MarkSolution, solved
+from orthomill.tasks.marking.ray_meeting import MarkedRays, ray_directions
 from orthomill.tasks.marking.wrong_marks import Contradiction, examined
 
 NEAR = 3.0

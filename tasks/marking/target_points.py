@@ -8,11 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.marking.belief import Belief
-from orthomill.tasks.marking.mark_solution import ray_directions
 
 NEIGHBOURS = 4
 """Photographs with which each is paired, the nearest ones with enough base."""
@@ -92,7 +90,7 @@ def _meeting(belief: Belief, first: int, second: int, found: dict[int, Detection
     if not len(a) or not len(b):
         return np.zeros((0, 3))
     i, j = (index.ravel() for index in np.meshgrid(np.arange(len(a)), np.arange(len(b)), indexing="ij"))
-    directions = [_directions(belief, photo, found[photo].place) for photo in (first, second)]
+    directions = [belief.view_of(photo).rays(found[photo].place) for photo in (first, second)]
     centres = np.broadcast_to(belief.state.centre[[first, second]][:, None], (2, len(i), 3))
     place, missed = intersect_rays(centres, np.stack([directions[0][i], directions[1][j]]))
     distance = np.linalg.norm(place - belief.state.centre[first], axis=1)
@@ -102,13 +100,6 @@ def _meeting(belief: Belief, first: int, second: int, found: dict[int, Detection
         near = (missed < NEAR * pixel) & (place[:, 2] > low) & (place[:, 2] < high)
         near &= ((place - belief.state.centre[first]) * directions[0][i]).sum(axis=1) > 0
     return place[near]
-
-
-def _directions(belief: Belief, photo: int, place: np.ndarray) -> np.ndarray:
-    camera = belief.camera_of(photo)
-    xy = np.column_stack([place[:, 0] - (camera.width - 1) / 2, (camera.height - 1) / 2 - place[:, 1]])
-    rays = Rays(np.zeros(len(xy), np.int32), np.full(len(xy), photo, np.int32), xy, np.ones(len(xy)))
-    return ray_directions(belief, rays.photo, rays.xy)
 
 
 def _seen_in(place: np.ndarray, views: list[View], found: dict[int, Detections]) -> FoundPoint:

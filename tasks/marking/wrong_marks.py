@@ -13,7 +13,8 @@ import numpy as np
 
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.marking.belief import Belief
-from orthomill.tasks.marking.mark_solution import MarkedRays, MarkSolution, solved
+from orthomill.tasks.marking.mark_solution import MarkSolution, solved
+from orthomill.tasks.marking.ray_meeting import MarkedRays
 
 FALSE_ALARM = 0.003
 """Probability that anything at all is named although nothing is wrong."""
