@@ -11,7 +11,7 @@ options ?=
 only ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow fuzz lint types format bench bench-stale docs clean clean-all
+.PHONY: help setup run plan status report export watch dashboard doctor test test-fast test-slow test-times fuzz lint types format bench bench-stale docs clean clean-all
 
 help: ## List all targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' | awk -F'|' '{printf "  %-18s %s\n", $$1, $$2}'
@@ -56,8 +56,14 @@ PROCESSES := -n 2 --dist loadfile --no-loadscope-reorder
 test: $(STAMP) ## Run all tests, on two processes
 	@$(BIN)/python -m pytest $(PROCESSES)
 
-test-fast: $(STAMP) ## Run the tests that take less than two seconds each, on two processes
+test-fast: $(STAMP) ## Run the tests that together take a minute and a half, on two processes
 	@$(BIN)/python -m pytest -m "not slow" $(PROCESSES)
+
+test-times: $(STAMP) ## Run all tests and write which are left out by test-fast, by what they take
+	@rm -f .cache/test_times
+	@mkdir -p .cache
+	@ORTHOMILL_TEST_TIMES=$(CURDIR)/.cache/test_times $(BIN)/python -m pytest $(PROCESSES) || true
+	@$(BIN)/python tests/support/engine/measured_tests.py .cache/test_times
 
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow

@@ -6,6 +6,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 from orthomill.pipeline.engine.one_thread import one_thread_from_here
@@ -19,6 +20,7 @@ sys.path[:0] = SUPPORT
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [*SUPPORT, os.environ.get("PYTHONPATH", "")]))
 
 from made_once import shared_folder  # noqa: E402  found by the lines above
+from measured_tests import SLOW, TestTimes, name_of  # noqa: E402
 
 if folder := shared_folder():
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -29,8 +31,18 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 
+def pytest_configure(config):
+    if path := os.environ.get("ORTHOMILL_TEST_TIMES"):
+        config.pluginmanager.register(TestTimes(Path(path)))
+
+
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Several processes take whole files, those with slow tests first: one that begins last keeps everybody waiting."""
+    measured = set(SLOW.read_text().split())
+    for item in items:
+        if name_of(item.nodeid) in measured:
+            item.add_marker("slow")
     if hasattr(config, "workerinput"):
         slow = {item.path for item in items if item.get_closest_marker("slow")}
         items.sort(key=lambda item: item.path not in slow)

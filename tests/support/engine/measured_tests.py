@@ -1,0 +1,76 @@
+"""Which tests are left out by `make test-fast`: measured, not guessed. `make test-times` runs all and writes tests/slow_tests.txt.
+
+A test costs the processor time of its setup and its call, processes that it starts included. The cheapest ones that together take
+BUDGET are fast; where a fixture costs more than the dearest of them, all tests of its file are slow, for the next one would pay.
+"""
+
+import os
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+SLOW = Path(__file__).parents[2] / "slow_tests.txt"
+BUDGET = 110.0
+"""s of processor time: on two idle cores, with what it takes to find the tests, a minute and a half"""
+
+
+def name_of(node: str) -> str:
+    """A test without its parameters."""
+    return node.split("[")[0]
+
+
+class TestTimes:
+    """Notes in a file what the tests of this process took."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._rows = path, []
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_setup(self, item):
+        yield from self._timed("setup", item.nodeid)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item):
+        yield from self._timed("call", item.nodeid)
+
+    def _timed(self, phase, node):
+        start = _processor_time()
+        try:
+            return (yield)
+        finally:
+            self._rows.append(f"{_processor_time() - start:.3f} {phase} {name_of(node)}\n")
+
+    def pytest_sessionfinish(self):
+        with self._path.open("a") as file:
+            file.writelines(self._rows)
+
+
+def _processor_time() -> float:
+    return sum(os.times()[:4])
+
+
+def slow_tests(rows: list[str]) -> list[str]:
+    """The tests that are slow, by what was noted."""
+    took: dict[str, float] = defaultdict(float)
+    setup: dict[str, float] = defaultdict(float)
+    for row in rows:
+        seconds, phase, name = row.split(maxsplit=2)
+        took[name] += float(seconds)
+        if phase == "setup":
+            file = name.split("::")[0]
+            setup[file] = max(setup[file], float(seconds))
+    spent, dearest, fast = 0.0, 0.0, set()
+    for name in sorted(took, key=took.__getitem__):
+        spent += took[name]
+        if spent > BUDGET:
+            break
+        fast.add(name)
+        dearest = took[name]
+    return sorted(name for name in took if name not in fast or setup[name.split("::")[0]] > dearest)
+
+
+if __name__ == "__main__":
+    SLOW.write_text("\n".join(slow_tests(Path(sys.argv[1]).read_text().splitlines())) + "\n")
+    print(f"{SLOW} is written")
