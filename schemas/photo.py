@@ -228,6 +228,8 @@ class PhotoRemarkCode(StrEnum):
     """Masks are named like no photograph of the project; `photos`: their files."""
     MASKED = "masked"
     """The files of photographs can mask parts of them, which are not used."""
+    ON_THE_GROUND = "on_the_ground"
+    """Photographs were taken at the height of the take-off, where the others were taken from the air."""
     CUT = "cut"
     """Files have another shape than the camera wrote by their tags; `words`: width and height by these."""
     NO_HEMISPHERE = "no_hemisphere"

@@ -36,9 +36,13 @@ def effort_sentence(expected: Forecast) -> str:
     known = f"{expected.runs} complete runs in this folder" if expected.runs else "blocks measured on another machine"
     return (
         f"A run takes about {_time(expected.seconds.about / workers)} (at most {_time(expected.seconds.most / workers)}) on "
-        f"{workers} workers of up to {peak / 1024:.1f} GB, and {expected.megabytes.about / 1000:.1f} GB of disk; by {known}, for "
-        f"{expected.megapixels:.0f} megapixels."
+        f"{workers} workers of up to {peak / 1024:.1f} GB, and {_gigabytes(expected.megabytes.about)} of disk; by {known}, for "
+        f"{expected.megapixels:{'.1f' if expected.megapixels < 10 else '.0f'}} megapixels."
     )
+
+
+def _gigabytes(megabytes: float) -> str:
+    return f"{megabytes / 1000:.1f} GB" if megabytes >= 100 else f"{max(megabytes, 1):.0f} MB"
 
 
 def _time(seconds: float) -> str:

@@ -16,7 +16,13 @@ from orthomill.schemas.findings.camera_findings import (
     LensContradicted,
     PrincipalPointMoved,
 )
-from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted, SourcesDisagree, UnitContradicted
+from orthomill.schemas.findings.contradiction_findings import (
+    ConstantOfItsOwn,
+    OffsetAdjusted,
+    ScaleContradicted,
+    SourcesDisagree,
+    UnitContradicted,
+)
 from orthomill.schemas.findings.datum_findings import (
     AxesExchanged,
     BlockBent,
@@ -79,6 +85,7 @@ BlockFinding = Annotated[
     | OffsetAdjusted
     | ConstantOfItsOwn
     | UnitContradicted
+    | ScaleContradicted
     | SourcesDisagree
     | DistanceContradicted
     | DistanceUnchecked

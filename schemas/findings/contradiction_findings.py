@@ -122,6 +122,33 @@ class UnitContradicted(SpokenFinding):
         )
 
 
+class ScaleContradicted(SpokenFinding):
+    """The plan of the control is that of a map of another scale than positions say."""
+
+    code: Literal["scale_contradicted"] = "scale_contradicted"
+    factor: float
+    """how many times as large it is"""
+    sigma: float
+    map_factor: float | None = None
+    """metres of the map in which the control was read to a metre on the ground; None: not known"""
+
+    @property
+    def sentence(self) -> str:
+        # Distances on the ground are larger than those of a map whose scale is below 1.
+        ground = self.map_factor is not None and abs(self.factor * self.map_factor - 1.0) < 3.0 * self.sigma
+        like = (
+            f"That is what distances on the ground are on this map (1 m is {self.map_factor:.5f} m on it): the control was "
+            "surveyed in a local system, or was scaled to the ground"
+            if ground
+            else "A web map, distances on the ground, another projection or a calibrated site look like that"
+        )
+        return (
+            f"In plan the control is {self.factor:.5f} times as large as positions say (standard error {self.sigma:.5f}): one of "
+            f"them is in a map of another scale. {like}. Give both in one system (control > crs, positions > crs); the block was "
+            "adjusted as if they were."
+        )
+
+
 class SourcesDisagree(SpokenFinding):
     """A source contradicts all others in a parameter of the block, and no cause explains it."""
 

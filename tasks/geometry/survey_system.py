@@ -219,6 +219,13 @@ def scale_at(xy: np.ndarray, crs: str) -> float:
     return map_scale(ground_crs(crs), longitude, latitude).factor if np.isfinite([longitude, latitude]).all() else 1.0
 
 
+def map_factor_at(xy: np.ndarray, crs: str) -> float | None:
+    """Metres of a projected map to a metre on the ellipsoid at a place (2,) of it; None where it is no such map."""
+    known = known_crs(crs) if crs else None
+    flat = known.sub_crs_list[0] if known is not None and known.is_compound else known
+    return scale_at(xy, crs) if flat is not None and flat.is_projected else None
+
+
 def _degrees(xy: np.ndarray, crs: str) -> np.ndarray:
     to_map = Transformer.from_crs(CRS.from_epsg(4326), ground_crs(crs), always_xy=True)
     return degrees_of(to_map, np.asarray(xy, float)[None])[0]

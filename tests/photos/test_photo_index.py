@@ -270,6 +270,16 @@ def test_two_sites_in_a_folder_are_told_and_strays_of_one_place_in_one_sentence(
     assert strays.code is PhotoRemarkCode.STRAY_POSITION and "The GPS tags of 2 photographs (b0, b1)" in remark_sentence(strays)
 
 
+def test_a_photograph_from_the_ground_is_told_and_a_low_flight_is_not():
+    def flown(*heights):
+        headers = [header(f"p{i}.jpg", tags={**DRONE, "drone-dji:RelativeAltitude": f"{h:+.2f}"}) for i, h in enumerate(heights)]
+        remarks = photos_of(tuple(headers), "EPSG:26915", EXIF_POSITIONS, LIMITS).remarks
+        return [remark.photos for remark in remarks if remark.code is PhotoRemarkCode.ON_THE_GROUND]
+
+    assert flown(0.2, 40.1, 40.0, 40.2) == [("p0",)]
+    assert not flown(0.2, 8.0, 8.0, 8.0) and not flown(0.2, 0.1, 40.0, 40.0)
+
+
 def test_files_that_were_cut_and_tags_without_a_hemisphere_are_told():
     size = {"PixelXDimension": "4000", "PixelYDimension": "2250"}
     cut = header("cut.jpg", width=800, height=500, tags={**DRONE, **size})

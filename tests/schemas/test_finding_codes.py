@@ -85,6 +85,7 @@ BLOCK_VALUES = {
         "zoom": 1.08,
     },
     "constant_of_its_own": {"photos": ("a", "b"), "camera": "n", "c_px": 1725.0, "others_px": 1150.0, "used": False},
+    "scale_contradicted": {"factor": 1.0004, "sigma": 0.00001, "map_factor": 0.9996},
     "unit_contradicted": {
         "unit": "feet",
         "heights_only": True,

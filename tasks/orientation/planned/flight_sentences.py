@@ -91,16 +91,16 @@ def _pattern(block: PlannedBlock, pattern: FlightPattern) -> str:
 
 
 def _off_vertical(block: PlannedBlock) -> float:
-    """degrees, mean of all photographs"""
-    return float(np.degrees(np.arccos(np.clip(-block.axes[:, 2], -1.0, 1.0)).mean()))
+    """degrees, of most photographs: single ones were taken before the take-off"""
+    return float(np.degrees(np.median(np.arccos(np.clip(-block.axes[:, 2], -1.0, 1.0)))))
 
 
 def _bend(block: PlannedBlock, before: ExpectedPrecision, measures: PlannedMeasures, remedy: Remedy | None) -> str:
     size = f"{_length(before.bend)} over {before.extent:.0f} m"
     if before.bend < HOLDS * block.pixel:
-        return f"The block holds its shape: heights may bend by {size} (standard error)." + _advice(before, remedy)
+        return f"The ground keeps its shape: it may come out bent by {size} (standard error)." + _advice(before, remedy)
     why = f", for {', '.join(found)}" if (found := _weaknesses(block, measures)) else ""
-    return f"The block can bend by {size} (standard error){why}." + _advice(before, remedy)
+    return f"The ground may come out bent, as a dome or a bowl, by {size} (standard error){why}." + _advice(before, remedy)
 
 
 def _weaknesses(block: PlannedBlock, measures: PlannedMeasures) -> list[str]:

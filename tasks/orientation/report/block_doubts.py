@@ -4,7 +4,13 @@ from collections.abc import Iterator
 
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.camera_findings import ConstantContradicted, DistortionFolds, LensContradicted
-from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted, SourcesDisagree, UnitContradicted
+from orthomill.schemas.findings.contradiction_findings import (
+    ConstantOfItsOwn,
+    OffsetAdjusted,
+    ScaleContradicted,
+    SourcesDisagree,
+    UnitContradicted,
+)
 from orthomill.schemas.findings.datum_findings import (
     AxesExchanged,
     BlockBent,
@@ -29,6 +35,7 @@ GRAVE = (
     BlockBent,
     NoDatum,
     UnitContradicted,
+    ScaleContradicted,
     SourcesDisagree,
     OffsetAdjusted,
     ConstantOfItsOwn,

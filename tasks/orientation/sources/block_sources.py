@@ -40,7 +40,7 @@ LEAST_SHARE = 1e-4
 @dataclass(frozen=True, eq=False)
 class BlockSources:
     """The block as a rigid body, what the sources say, which causes explain their contradictions, the table of what each says,
-    how the photographs belong together, and the height (m) of the origin of local coordinates."""
+    how the photographs belong together, the height (m) of the origin of local coordinates, and the `site` (2,) of the block, m."""
 
     block: RigidBlock
     told: Told
@@ -48,6 +48,7 @@ class BlockSources:
     table: tuple[Said, ...]
     groups: Groups
     height_origin: float
+    site: np.ndarray
 
     @property
     def has_offsets(self) -> bool:
@@ -77,7 +78,7 @@ def block_sources(
     told, groups = replace(_told(problem, datum, network, state, rows, block), model=model), _groups(rows)
     found = causes_of(block, told, groups, datum.origin)
     table = tuple(source_table(block, equations(block, found.told), found.after, found.causes, groups))
-    return BlockSources(block, told, found, table, groups, float(datum.origin[2]))
+    return BlockSources(block, told, found, table, groups, float(datum.origin[2]), datum.origin[:2] + block.middle[:2])
 
 
 def _rigid(problem: Problem, state: State) -> RigidBlock:

@@ -1,9 +1,9 @@
 """Why sources contradict each other: hypotheses are tried, and the one that explains most is kept if chance does not.
 
-Tried are constant errors of the positions (of a flight, or from one photograph in the order of exposure to another; in height alone
-or in all coordinates; of all positions against the control), other camera constants of such photographs, a bend of the block, and
-units of length of the control. The likelihood of each is compared with that of the sources as given; several causes are found one
-after the other.
+Tried are constant errors of the positions (of a flight, or from one photograph in the order of exposure to another; in height
+alone or in all coordinates; of all positions against the control), other camera constants of such photographs, a bend of the
+block, another scale of the map of the control, and units of length of the control. The likelihood of each is compared with that of
+the sources as given; several causes are found one after the other.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from orthomill.tasks.orientation.sources.evidence import Source, Told
-from orthomill.tasks.orientation.sources.hypotheses import Bend, Cause, Offset, Zoom
+from orthomill.tasks.orientation.sources.hypotheses import Bend, Cause, Offset, PlanScale, Zoom
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 from orthomill.tasks.orientation.sources.robust_motion import Explained, explained
 
@@ -26,7 +26,7 @@ JUMPS = 3
 FEWEST_BENT = 8
 """Positions from which on a bend of the block can be told from single wrong ones."""
 LEAST = 3
-"""Photographs of an offset that no tag gives a reason for; the others must be as many."""
+"""Photographs of an offset that no tag gives a reason for; the others must be as many. Control points that show a scale."""
 CLEAR = 3.0
 """Such an offset is so many times larger than the scatter of the positions beside it; one of a flight is larger than it."""
 DETERMINED = 3.0
@@ -163,7 +163,8 @@ def _trials(
 ) -> Iterator[_Trial]:
     has_control = bool((now.has.source == Source.CONTROL).any())
     own = told if unit is None else _in_metres(told, unit, origin)
-    for cause in (*_of_photographs(told, groups, now, causes, has_control), *_bends(told, causes)):
+    of_all: tuple[Cause, ...] = (*_bends(told, causes), *_plan_scales(block, causes))
+    for cause in (*_of_photographs(told, groups, now, causes, has_control), *of_all):
         yield _trial(now, explained(block, own, (*causes, cause), now), (*causes, cause), unit, cause)
     if has_control and unit is None:
         for name, heights_only in ((name, heights) for name in UNITS for heights in (True, False)):
@@ -174,6 +175,11 @@ def _trials(
 def _bends(told: Told, causes: tuple[Cause, ...]) -> tuple[Bend, ...]:
     enough = told.positioned.sum() >= FEWEST_BENT and not any(isinstance(cause, Bend) for cause in causes)
     return (Bend(),) if enough else ()
+
+
+def _plan_scales(block: RigidBlock, causes: tuple[Cause, ...]) -> tuple[PlanScale, ...]:
+    points = np.isfinite(block.control).all(axis=1).sum()
+    return (PlanScale(),) if points >= LEAST and not any(isinstance(cause, PlanScale) for cause in causes) else ()
 
 
 def _trial(now: Explained, then: Explained, causes: tuple[Cause, ...], unit: Unit | None, cause: Cause | None) -> _Trial:
@@ -273,6 +279,9 @@ def _matters(block: RigidBlock, groups: Groups, trial: _Trial) -> bool:
         return False
     if isinstance(cause, Bend):
         return bool(size[0] > PIXELS * block.pixel)
+    if isinstance(cause, PlanScale):
+        away = block.control[np.isfinite(block.control).all(axis=1), :2] - block.middle[:2]
+        return bool(size[0] * np.linalg.norm(away, axis=1).max() > PIXELS * block.pixel)
     metres = float(size.max()) * (float(np.median(block.depth[cause.photos])) if isinstance(cause, Zoom) else 1.0)
     if isinstance(cause, Offset) and cause.photos.all():
         return PIXELS * block.pixel < metres < (FARTHEST if cause.numbers > 1 else HIGHEST)

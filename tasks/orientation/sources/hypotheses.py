@@ -61,7 +61,21 @@ class Bend:
         return np.where(of_attitudes, lean, np.where(has.axis == 2, height, 0.0))[:, None]
 
 
-Cause = Offset | Zoom | Bend
+@dataclass(frozen=True, eq=False)
+class PlanScale:
+    """The plan of the control is that of a map of another scale, by a share of its distances: distances on the ground, a web map,
+    another projection."""
+
+    numbers = 1
+
+    def columns(self, block: RigidBlock, has: Equations) -> np.ndarray:
+        """(m, 1) derivatives of the equations by the share."""
+        away = has.place - block.middle[:2]
+        own = (has.source == Source.CONTROL) & (has.axis < 2)
+        return np.where(own, np.where(has.axis == 0, away[:, 0], away[:, 1]), 0.0)[:, None]
+
+
+Cause = Offset | Zoom | Bend | PlanScale
 
 
 def _positions(has: Equations, photos: np.ndarray) -> np.ndarray:

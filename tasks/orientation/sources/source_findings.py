@@ -8,6 +8,7 @@ from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.contradiction_findings import (
     ConstantOfItsOwn,
     OffsetAdjusted,
+    ScaleContradicted,
     SourcesDisagree,
     UnitContradicted,
     photographs,
@@ -22,11 +23,12 @@ from orthomill.schemas.findings.observation_findings import (
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import PositionOffset, SourceStatement
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
+from orthomill.tasks.geometry.survey_system import map_factor_at
 from orthomill.tasks.orientation.block.assembly import Problem
 from orthomill.tasks.orientation.block.own_constants import SMALLEST, OwnConstant
 from orthomill.tasks.orientation.sources.block_sources import BlockSources
 from orthomill.tasks.orientation.sources.evidence import Source
-from orthomill.tasks.orientation.sources.hypotheses import Bend, Zoom
+from orthomill.tasks.orientation.sources.hypotheses import Bend, Cause, PlanScale, Zoom
 from orthomill.tasks.orientation.sources.source_table import Parameter, Said
 
 SOURCES = {
@@ -122,13 +124,31 @@ def contradicted_sources(
     if sources is None:
         return ()
     units = tuple(unit_findings(sources, control))
-    return units or (*_kept_constants(sources, problem), *disagreements(statements, sources))
+    scales = tuple(_plan_scales(sources, control))
+    return units or (*scales, *_kept_constants(sources, problem), *disagreements(statements, sources))
+
+
+def _plan_scales(sources: BlockSources, control: Control) -> Iterator[ScaleContradicted]:
+    """The scale of the control's map, where that explains what it says in plan."""
+    for cause, place in _placed_causes(sources):
+        if isinstance(cause, PlanScale):
+            after, system = sources.found.after, control.read.crs if control.read else ""
+            factor = 1.0 + float(after.parameters[place])
+            sigma = float(np.sqrt(after.covariance[place, place]))
+            yield ScaleContradicted(factor=factor, sigma=sigma, map_factor=map_factor_at(sources.site, system))
+
+
+def _placed_causes(sources: BlockSources) -> Iterator[tuple[Cause, int]]:
+    """The causes, and the number of the first parameter of each."""
+    place = len(sources.found.after.parameters) - sum(cause.numbers for cause in sources.found.causes)
+    for cause in sources.found.causes:
+        yield cause, place
+        place += cause.numbers
 
 
 def _kept_constants(sources: BlockSources, problem: Problem) -> Iterator[ConstantOfItsOwn]:
     """Photographs that only their positions give another camera constant."""
-    place = len(sources.found.after.parameters) - sum(cause.numbers for cause in sources.found.causes)
-    for cause in sources.found.causes:
+    for cause, place in _placed_causes(sources):
         if isinstance(cause, Zoom):
             own = np.flatnonzero(cause.photos)
             camera = int(problem.camera_of[own[0]])
@@ -140,7 +160,6 @@ def _kept_constants(sources: BlockSources, problem: Problem) -> Iterator[Constan
                 others_px=constant,
                 used=False,
             )
-        place += cause.numbers
 
 
 def unit_findings(sources: BlockSources, control: Control) -> Iterator[UnitContradicted]:

@@ -25,7 +25,7 @@ _FIX = {
 _HEIGHT = {
     "ellipsoidal": "above the ellipsoid",
     "sea_level": "above the sea",
-    "barometric": "barometric, with an unknown constant",
+    "barometric": "barometric, with an unknown constant that all heights of the products share",
     "relative": "above the place of take-off",
 }
 
@@ -112,4 +112,5 @@ def _heights(photos: Photos) -> Iterator[str]:
         return
     kinds = Counter(photo.height_kind for photo in known if photo.height_kind)
     said = ", ".join(f"{number} {_HEIGHT[kind]}" for kind, number in kinds.most_common())
-    yield f"Heights of the positions: {said or 'the tags do not say what they refer to'}."
+    unknown = "the tags do not say what they refer to, so that all heights of the products may be off by tens of metres"
+    yield f"Heights of the positions: {said or unknown}."

@@ -71,6 +71,10 @@ _SENTENCES = {
         "The tags of {count} hold the factory's calibration of the camera: the adjustment starts from it, and may move it."
     ),
     PhotoRemarkCode.MASKED: "What the alpha channel or mask of {count} ({names}) marks as transparent is not used.",
+    PhotoRemarkCode.ON_THE_GROUND: (
+        "Taken on the ground, by their heights above the take-off: {count} ({names}). Leave out what does not show the site from "
+        "above."
+    ),
     PhotoRemarkCode.CUT: (
         "Cut after they were taken: {count} ({names}), by the tags of {words} before. The focal length no longer tells the camera "
         "constant, nor where the principal point is: use the files as the camera wrote them, or give the camera."

@@ -3,6 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
+from statistics import median
 
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, tag_text
 from orthomill.schemas.project import Positions
@@ -13,6 +14,8 @@ from orthomill.tasks.photos.tags.instruments import several_serials
 
 _FOUND = {"fixed": "fixed", "float": "float", "single": "without corrections", "none": "without RTK", None: "of unknown precision"}
 _STATED = "of stated accuracy"
+ON_GROUND, IN_THE_AIR = 2.5, 15.0
+"""m above the take-off: held in the hand or standing, with the noise of a barometer; and in flight"""
 SAME_SHAPE = 0.01
 """Part by which the sides of a reduced photograph may be reduced differently: they are rounded to pixels."""
 
@@ -25,6 +28,7 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
         yield from _heights([photo for photo in photos if photo.altitude is not None], tags)
     calibrated = [photo for photo in photos if photo.factory and photo.factory.kind == "calibrated"]
     yield from _of(PhotoRemarkCode.FACTORY_CAMERA, calibrated)
+    yield from _of(PhotoRemarkCode.ON_THE_GROUND, _on_the_ground(photos))
     yield from _of(PhotoRemarkCode.MASKED, [photo for photo in photos if photo.masked and not photo.mask])
     yield from _of(PhotoRemarkCode.DEWARPED, [photo for photo in photos if photo.dewarped])
     zoomed = [photo for photo in photos if photo.zoom != 1.0]
@@ -32,6 +36,14 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
     yield from _of(PhotoRemarkCode.DIGITAL_ZOOM, zoomed, (f"{zoom:g}" for zoom in zooms[:4]))
     if serials := several_serials(photos):
         yield PhotoRemark(code=PhotoRemarkCode.SEVERAL_SERIALS, photos=serials)
+
+
+def _on_the_ground(photos: list[Photo]) -> list[Photo]:
+    """The few photographs that were taken at the height of the take-off, in a flight well above it."""
+    known = [photo for photo in photos if photo.relative_height is not None]
+    low = [photo for photo in known if abs(photo.relative_height or 0.0) < ON_GROUND]
+    high = len(known) > 2 * len(low) and median(photo.relative_height or 0.0 for photo in known) > IN_THE_AIR
+    return low if high else []
 
 
 def file_remarks(headers: tuple[Header, ...]) -> Iterator[PhotoRemark]:

@@ -58,7 +58,7 @@ def test_a_nadir_grid_can_bend_and_five_points_stop_it():
         "Flight: a grid of 4 strips, looking straight down, about 100 m above the ground (by the heights above the place of "
         "take-off), overlap 70 % along and 60 % across on flat ground; a pixel is 33 mm on the ground."
     )
-    assert found.bend and found.bend.startswith("The block can bend by ")
+    assert found.bend and found.bend.startswith("The ground may come out bent, as a dome or a bowl, by ")
     assert "its views are parallel, all are from one height, the camera is known from tags only" in found.bend
     assert "five control points, at the corners and in the middle, bring heights from " in found.bend
     before, after = lengths(found.bend.split("heights")[1])[:2]

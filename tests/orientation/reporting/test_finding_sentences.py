@@ -146,6 +146,14 @@ SPOKEN = [
         ["(the tags say: above the ellipsoid) lie 47.23 m (standard error 0.05 m) above the control", "both keep", "height system"],
     ),
     (
+        f.ScaleContradicted(factor=1.00038, sigma=0.00001, map_factor=0.99962),
+        ["In plan the control is 1.00038 times as large", "what distances on the ground are on this map (1 m is 0.99962 m on it)"],
+    ),
+    (
+        f.ScaleContradicted(factor=1.46, sigma=0.01, map_factor=0.99962),
+        ["is 1.46000 times as large", "A web map, distances on the ground, another projection"],
+    ),
+    (
         f.UnitContradicted(unit="feet", heights_only=True, given_m=368.2, fits_m=0.1, crs="EPSG:26849", heights_m=(532.7, 162.4)),
         [
             "heights of the control are in feet",

@@ -12,7 +12,7 @@ from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 from orthomill.tasks.orientation.sources.causes import Unit, causes_of
 from orthomill.tasks.orientation.sources.elevation_model import Elevation, ElevationModel, Lattice
 from orthomill.tasks.orientation.sources.evidence import Source, equations
-from orthomill.tasks.orientation.sources.hypotheses import Bend, Offset, Zoom
+from orthomill.tasks.orientation.sources.hypotheses import Bend, Offset, PlanScale, Zoom
 from orthomill.tasks.orientation.sources.robust_motion import explained
 from orthomill.tasks.orientation.sources.source_table import source_table
 
@@ -86,6 +86,19 @@ def test_control_in_feet_is_told_by_its_unit(unit, kind):
     factor = np.where([unit.heights_only, unit.heights_only, False], 1.0, 1.0 / 0.3048)
     found = causes_of(block, replace(told, control=told.control * factor), groups, ORIGIN)
     assert found.unit == unit and not found.causes
+
+
+@pytest.mark.parametrize("share", [0.46, 0.004])
+@pytest.mark.parametrize("seed", range(3))
+def test_control_in_a_map_of_another_scale_is_told_by_it(share, seed):
+    block, told, groups = flight(seed, strips=4, per_strip=12, **RTK, control=8)
+    scaled = told.control.copy()
+    scaled[:, :2] = block.middle[:2] + (1.0 + share) * (scaled[:, :2] - block.middle[:2])
+    found = causes_of(block, replace(told, control=scaled), groups, ORIGIN)
+    (cause,) = found.causes
+    assert isinstance(cause, PlanScale) and found.unit is None
+    value, sigma = found.after.parameters[-1], np.sqrt(found.after.covariance[-1, -1])
+    assert abs(value - share) < max(4 * sigma, 0.01 * share)
 
 
 def test_one_wrong_position_is_no_offset():
