@@ -11,7 +11,7 @@ from typing import Any
 
 from orthomill.pipeline.serving.outputs.asset_files import Asset
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits
-from orthomill.pipeline.serving.queue.upload_names import NamesTaken, is_archive, is_image, is_list
+from orthomill.pipeline.serving.queue.upload_names import NamesTaken, belongs_beside, is_archive, is_image
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
@@ -45,7 +45,7 @@ def fetch_photographs(address: str, target: Path, limits: ArchiveLimits) -> tupl
         names, received = NamesTaken(address), 0
         for path in sorted(found):
             parts = path.split("/")
-            if not (is_image(parts[-1]) or is_list(parts[-1]) or is_archive(parts[-1])):
+            if not (is_image(parts[-1]) or belongs_beside(parts[-1]) or is_archive(parts[-1])):
                 left_out += 1
                 continue
             name = names.take(parts)

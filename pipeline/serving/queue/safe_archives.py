@@ -12,7 +12,7 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from orthomill.pipeline.serving.queue.upload_names import NamesTaken, is_image, is_list
+from orthomill.pipeline.serving.queue.upload_names import NamesTaken, belongs_beside, is_image
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
@@ -91,7 +91,7 @@ def _chosen(archive: str, opened: zipfile.ZipFile, limits: ArchiveLimits) -> tup
             raise WorkflowError(f"{archive} holds {shown}, which is a link or a device; pack the photographs themselves.")
         if _NOISE & {part.lower() for part in parts} or parts[-1].startswith("."):
             continue
-        if not (is_image(parts[-1]) or is_list(parts[-1])):
+        if not (is_image(parts[-1]) or belongs_beside(parts[-1])):
             left_out += 1
             continue
         if entry.flag_bits & 1 or entry.compress_type not in _METHODS:

@@ -36,9 +36,11 @@ def is_image(name: str) -> bool:
     return path.suffix in IMAGES and not path.stem.endswith("_mask") and path.stem != "align"
 
 
-def is_list(name: str) -> bool:
-    """Whether a file may hold control, positions or a camera."""
-    return Path(name.lower()).suffix in LISTS and name.lower() != "image_groups.txt"
+def belongs_beside(name: str) -> bool:
+    """Whether a file belongs beside photographs: a mask, or what may hold control, positions or a camera."""
+    path = Path(name.lower())
+    mask = path.suffix in DEVELOPED_SUFFIXES and path.stem.endswith("_mask")
+    return mask or (path.suffix in LISTS and path.name != "image_groups.txt")
 
 
 def is_archive(name: str) -> bool:
@@ -68,9 +70,7 @@ class NamesTaken:
 def unused_sentence(name: str) -> str:
     """Why a file of the upload is not used."""
     lower = name.lower()
-    if Path(lower).stem.endswith("_mask"):
-        why = "masks are not read; what moves is rejected by the blending"
-    elif lower == "image_groups.txt":
+    if lower == "image_groups.txt":
         why = "blocks are not split by it; tiles bound the memory instead"
     elif lower.startswith("align."):
         why = "results are not aligned to an earlier surface; give control points"

@@ -13,7 +13,7 @@ from typing import BinaryIO
 from orthomill.pipeline.serving.queue.task_folder import UUID, TaskFolder
 from orthomill.pipeline.serving.queue.task_queue import GIB, MIB
 from orthomill.pipeline.serving.queue.task_state import TaskState
-from orthomill.pipeline.serving.queue.upload_names import checked_name, is_archive, is_image, is_list, unused_sentence
+from orthomill.pipeline.serving.queue.upload_names import belongs_beside, checked_name, is_archive, is_image, unused_sentence
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
 
@@ -140,7 +140,7 @@ class UploadStore:
                 photographs += 1
             elif is_archive(path.name):
                 archives += 1
-            elif not is_list(path.name):
+            elif not belongs_beside(path.name):
                 upload.unused.mkdir(exist_ok=True)
                 path.rename(upload.unused / path.name)
                 unused.append(unused_sentence(path.name))

@@ -26,12 +26,18 @@ def packed(path: Path, entries: dict[str, bytes], method: int = zipfile.ZIP_DEFL
 
 
 def test_photographs_and_lists_come_out_with_names_of_their_own(tmp_path):
-    entries = {"100MEDIA/DJI_1.JPG": b"a", "101MEDIA/DJI_1.JPG": b"b", "gcp_list.txt": b"EPSG:32634", "__MACOSX/._DJI_1.JPG": b"x"}
+    entries = {
+        "100MEDIA/DJI_1.JPG": b"a",
+        "101MEDIA/DJI_1.JPG": b"b",
+        "gcp_list.txt": b"EPSG:32634",
+        "__MACOSX/._DJI_1.JPG": b"x",
+        "101MEDIA/DJI_1_mask.png": b"m",
+    }
     archive = packed(tmp_path / "block.zip", {**entries, "notes.docx": b"?", "inner.zip": b"PK"})
     count, told = unpacked(archive, tmp_path / "images", LIMITS)
     assert count == 2 and told == ["block.zip: 2 files are neither photographs nor lists, and were left out."]
     found = {path.name: path.read_bytes() for path in (tmp_path / "images").iterdir()}
-    assert found == {"DJI_1.JPG": b"a", "101MEDIA_DJI_1.JPG": b"b", "gcp_list.txt": b"EPSG:32634"}
+    assert found == {"DJI_1.JPG": b"a", "101MEDIA_DJI_1.JPG": b"b", "gcp_list.txt": b"EPSG:32634", "DJI_1_mask.png": b"m"}
 
 
 @pytest.mark.parametrize("name", ["../a.jpg", "a/../../b.jpg", "/etc/a.jpg", "C:\\a.jpg", "..\\a.jpg", "a/\\b.jpg/../c.jpg"])

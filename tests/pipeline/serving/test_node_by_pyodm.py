@@ -21,10 +21,11 @@ def test_a_block_goes_up_is_done_and_comes_down(running, tmp_path):
     client = running.client()
     files = photographs(tmp_path, ("a.jpg", "b.jpg", "c.jpg"))
     (tmp_path / "gcp_list.txt").write_text("EPSG:32634\n1 2 3 4 5 a.jpg\n")
+    (tmp_path / "image_groups.txt").write_text("a.jpg 1\n")
     (tmp_path / "b_mask.jpg").write_bytes(Path(files[0]).read_bytes())
     sent = []
     options = {"dtm": False, "orthophoto-resolution": 5, "texture.best": 4, "auto-boundary": True, "orthophoto-png": True}
-    given = [*files, str(tmp_path / "gcp_list.txt"), str(tmp_path / "b_mask.jpg")]
+    given = [*files, *(str(tmp_path / name) for name in ("gcp_list.txt", "b_mask.jpg", "image_groups.txt"))]
     task = client.create_task(given, options, name="../a block", progress_callback=sent.append, parallel_uploads=4)
     assert sent[-1] == 100
     task.wait_for_completion(interval=0.1)
@@ -32,10 +33,10 @@ def test_a_block_goes_up_is_done_and_comes_down(running, tmp_path):
     assert (info.status, info.progress, info.images_count, info.name) == (TaskStatus.COMPLETED, 100, 3, "../a block")
     assert info.processing_time > 0 and {one["name"] for one in info.options} == set(options)
     text = "\n".join(info.output)
-    assert "auto-boundary means nothing to orthomill" in text and "Not used: b_mask.jpg" in text and "Verdict: Good" in text
+    assert "auto-boundary means nothing to orthomill" in text and "Not used: image_groups.txt" in text and "Verdict: Good" in text
     assert "127.0.0.1" not in text  # the address of the run's own map is nobody's business
     folder = running.home / "tasks" / task.uuid
-    assert (folder / "images" / "gcp_list.txt").exists() and not (folder / "images" / "b_mask.jpg").exists()
+    assert sorted(path.name for path in (folder / "images").iterdir()) == ["a.jpg", "b.jpg", "b_mask.jpg", "c.jpg", "gcp_list.txt"]
     workflow = (folder / "workflows" / "task.yaml").read_text()
     assert "terrain" not in workflow and "best: 4" in workflow
     got = Path(task.download_assets(str(tmp_path / "got")))
