@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import json
 import subprocess
 from inspect import signature
 from pathlib import Path
@@ -48,6 +49,14 @@ def test_every_page_belongs_to_one_study_and_begins_with_command_commit_machine_
     assert set(pages) == set(owners)
     heads = {page.name: (head_of(page), owners[page].name) for page in pages}
     assert not [name for name, (head, study) in heads.items() if head is None or head.command.split()[3] != study]
+
+
+def test_the_gallery_shows_the_figures_that_its_command_found():
+    from benchmarks.checking.wrong_surfaces import FAULTS, PAGE, TARGET, with_figures
+
+    page, found = PAGE.read_text(), json.loads((TARGET / "found.json").read_text())
+    assert with_figures(page, found) == page and set(found) == set(FAULTS)
+    assert all(f"pictures/wrong/{name}.jpg" in page and (TARGET / f"{name}.jpg").is_file() for name in FAULTS)
 
 
 def imported(path: Path) -> set[str]:

@@ -21,8 +21,9 @@ from benchmarks.instrument.result_page import ROOT
 from benchmarks.measured_run import orthomill, run_folders
 from orthomill.schemas.surface import CheckCode
 
+PAGE = ROOT / "docs" / "gallery.md"
 TARGET = ROOT / "docs" / "pictures" / "wrong"
-_PART = (180, 150, 360, 300)
+_PART = (190, 160, 250, 210)
 """cells of the surface that are shown: first column and row, columns and rows"""
 REACH = 1.5
 """m of full colour"""
@@ -63,7 +64,8 @@ def rebuilt(z: np.ndarray) -> np.ndarray:
     return out
 
 
-_FIGURES = ("shift_up", "shift_up_sigma", "trend_range", "bend", "checked", "dh_nmad", "changed", "suspicious_areas")
+_HEAD = "| fault | height of all, m (standard error) | tilt, m | scatter, m | judged, % | corrected, % |"
+_FIGURES = ("shift_up", "shift_up_sigma", "trend_range", "checked", "dh_nmad", "changed", "suspicious_areas")
 """of the report, that tell of such faults"""
 
 FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -79,11 +81,30 @@ def main(words: list[str]) -> None:
     """Plants each fault, or those that are named after the run, runs the command on it, and draws."""
     run = run_folders(words[:1] or ["runs/volos_small"])[0]
     TARGET.mkdir(parents=True, exist_ok=True)
-    page = TARGET / "found.json"
+    kept = TARGET / "found.json"
     for name in words[1:] or FAULTS:
-        found = json.loads(page.read_text()) if page.is_file() else {}
+        found = json.loads(kept.read_text()) if kept.is_file() else {}
         found[name] = _checked(run, name, _planted(run, name, FAULTS[name]))
-        page.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
+        kept.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n")
+        PAGE.write_text(with_figures(PAGE.read_text(), found))
+
+
+def table(found: dict[str, dict[str, float | None]]) -> str:
+    """What the check found of each fault, as the page shows it."""
+    lines = [_HEAD, "| --- | --- | --- | --- | --- | --- |"]
+    for name in (name for name in FAULTS if name in found):
+        f = found[name]
+        shift = f"{f['shift_up']:+.2f} ({f['shift_up_sigma']:.2f})"
+        lines.append(
+            f"| {name} | {shift} | {f['trend_range']:.2f} | {f['dh_nmad']:.2f} | {f['checked']:.0f} | {f['changed']:.0f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def with_figures(page: str, found: dict[str, dict[str, float | None]]) -> str:
+    """The page with the table of these figures in place of the one that it has."""
+    before, _, rest = page.partition(_HEAD)
+    return f"{before}{table(found)}\n{rest.partition(chr(10) * 2)[2]}"
 
 
 def _planted(run: Path, name: str, fault: Callable[[np.ndarray], np.ndarray]) -> Path:
