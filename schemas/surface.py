@@ -150,6 +150,11 @@ class Surface(BaseModel):
 
 
 SURFACE = Table("densification/surface.json", Surface)
+CHECKED_SURFACE = Table("dsm_check/surface.json", Surface)
+"""Grid and height bounds of the surface under test."""
+GIVEN_HEIGHT, GIVEN_PRECISION, GIVEN_CODE = "dsm_check/given_height", "dsm_check/given_precision", "dsm_check/given_code"
+"""A surface from a file as an orthoimage rests on it where nothing was matched: heights in the system of the photographs and their
+standard errors, float32 m, and codes of `Provenance`"""
 
 
 @dataclass(frozen=True)

@@ -50,6 +50,8 @@ class CheckOptions:
     fill: bool = False
     sigma: float = 0.0
     """m, of the heights of the surface"""
+    ortho: bool = False
+    """whether an orthoimage is made of the corrected surface"""
     earlier: bool = False
     """whether the surface is of an earlier epoch than the photographs"""
 
@@ -204,6 +206,8 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
     kinds = [kind for kind in judging if not (oriented and kind == "tie_points" and not _examines(options, root))]
     if options.fill:
         kinds.insert(kinds.index("dsm_check"), "densification")
+    if options.ortho:
+        kinds.append("texture")
     for kind in kinds:
         yield known[kind].model_validate(settings.get(kind, {}))
 

@@ -56,8 +56,6 @@ class CheckedPairs(BaseModel):
     """m: height error that shifts the two orthoimages by one pixel, mean over the pairs"""
 
 
-CHECKED_SURFACE = Table("dsm_check/surface.json", Surface)
-"""Grid and height bounds of the surface under test."""
 CHECKED_PAIRS = Table("dsm_check/pairs.json", CheckedPairs)
 
 

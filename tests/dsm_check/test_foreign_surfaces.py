@@ -10,9 +10,10 @@ from tiny_block import EAST, FLYING, HEIGHT, NORTH, block, surface
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import GroundPoints
-from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.photo import photo_raster
+from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.stage_report import report_table
-from orthomill.schemas.surface import CORRECTED, SURFACE, CheckCode, Provenance
+from orthomill.schemas.surface import CORRECTED, GIVEN_HEIGHT, ORTHO, SURFACE, CheckCode, Provenance
 from orthomill.schemas.surface import HEIGHT as MEASURED_HEIGHT
 from orthomill.tasks.dsm_check.area_map import AreaRule, area_map, outlines
 from orthomill.tasks.dsm_check.areas import SuspiciousArea
@@ -20,9 +21,10 @@ from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface
 from orthomill.tasks.dsm_check.surfaces.placing import place, places
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
-from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
+from orthomill.tasks.dsm_check.surfaces.taken_surface import painted_surface, take_file
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.selection import choose_pairs
+from orthomill.tasks.texture.stage import TextureStage
 
 PAIRS = choose_pairs(block(), PairChoice(), 0.08)
 
@@ -204,6 +206,24 @@ def test_what_an_earlier_surface_shows_otherwise_is_change_and_no_error():
 
 
 @pytest.mark.slow
+def test_the_orthoimage_of_a_checked_file_lies_at_the_heights_of_the_photographs():
+    made = project(256, lambda x, y: 0 * x + 33.0, hole=False)
+    made.files = {"other.tif": (GRID, made.rasters.pop(MEASURED_HEIGHT))}
+    del made.tables[SURFACE.path]
+    made.has_stage = lambda kind: kind in ("dsm_check", "texture")
+    made.run(DsmCheckStage(surface=SurfaceFile(kind="file", path="other.tif", sigma=0.1), rounds=1, levels=0, pairs=3))
+    for name in (photo_raster(name) for name in block().names):
+        pixels = made.rasters[name]
+        made.specs[name] = RasterSpec(name=name, shape=pixels.shape, dtype="uint8", chunk=256)
+    made.run(TextureStage(cell=0.6))
+    x, y = ground()
+    assert np.median(made.rasters[CORRECTED] - surface(x, y)) == pytest.approx(33.0, abs=0.03)
+    assert abs(np.median(made.rasters[GIVEN_HEIGHT] - surface(x, y))) < 0.03
+    assert (made.rasters[ORTHO].max(axis=2) > 0).mean() > 0.5
+    assert made.tables[report_table("texture").path].verdict is not None
+
+
+@pytest.mark.slow
 def test_holes_of_a_file_are_filled_by_matching_in_the_height_system_of_the_file():
     made = project(256, lambda x, y: 0 * x, hole=False)
     x, y = ground()
@@ -233,3 +253,11 @@ def test_areas_are_polygons_on_the_earth():
 
 def test_blocks_that_touch_at_a_corner_are_two_outlines():
     assert len(outlines(np.array([[0, 0], [1, 1]]))) == 2
+
+
+def test_a_corrected_surface_is_painted_at_the_heights_of_the_photographs():
+    corrected = np.array([[12.0, np.nan]], np.float32)
+    painted = painted_surface(corrected, 2.0, 0.3)
+    np.testing.assert_allclose(painted.height, [[10.0, np.nan]])
+    np.testing.assert_allclose(painted.precision, [[0.3, np.nan]])
+    np.testing.assert_array_equal(painted.code, [[Provenance.AGREED, Provenance.EMPTY]])

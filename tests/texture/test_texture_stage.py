@@ -8,11 +8,11 @@ from box_scene import CENTRES, DSM, block, heights
 from pydantic import ValidationError
 
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import Export, Job
+from orthomill.schemas.job import Export, Job, Raster
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.raster import RasterSpec, Window
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE, Surface
+from orthomill.schemas.surface import CHECKED_SURFACE, CORRECTED, GIVEN_HEIGHT, HEIGHT, ORTHO, SURFACE, Surface
 from orthomill.tasks.colouring.blending.blending import Blend
 from orthomill.tasks.colouring.blending.rejection import Rejection
 from orthomill.tasks.colouring.colour_settings import SAMPLES_AT_MOST
@@ -24,14 +24,15 @@ from orthomill.tasks.texture.stage import TextureStage
 class View:
     """The box scene at planning time."""
 
-    def __init__(self, tile: int = 128, dtype: str = "uint8", check: bool = False) -> None:
+    def __init__(self, tile: int = 128, dtype: str = "uint8", check: bool = False, measured: bool = True) -> None:
         self.project = SimpleNamespace(tile=tile)
-        self.dtype, self.check = dtype, check
+        self.dtype, self.stages = dtype, ("dsm_check",) * check + ("densification",) * measured
         facts = {"width": 420, "height": 420, "bands": 3, "dtype": dtype, "camera": "test", "levels": 4}
         shown = Photos(photos=tuple(Photo(name=name, path=name, **facts) for name in CENTRES))
         surface = Surface(grid=DSM, height_low=-2.0, height_high=16.0)
         relief = tile_relief(heights(), Window(0, 0, *DSM.shape))
-        self.known = {BLOCK.path: block(), PHOTOS.path: shown, SURFACE.path: surface, RELIEF.path: relief}
+        given = SURFACE if measured else CHECKED_SURFACE
+        self.known = {BLOCK.path: block(), PHOTOS.path: shown, given.path: surface, RELIEF.path: relief}
 
     def table(self, table):
         return self.known[table.path]
@@ -41,7 +42,7 @@ class View:
         return RasterSpec(name=name, shape=(-(-420 // 2**level), -(-420 // 2**level), 3), dtype=self.dtype, chunk=128)
 
     def has_stage(self, kind):
-        return self.check and kind == "dsm_check"
+        return kind in self.stages
 
 
 def planned(view: View | None = None, **settings) -> list:
@@ -81,6 +82,14 @@ def test_corrected_heights_are_used_where_there_is_a_check(check, raster):
     assert {job.reads["heights"].name for job in jobs(made, "ortho")} == {raster}
     (cells,) = (one for one in made if isinstance(one, Export) and one.path == "products/dsm_cells.laz")
     assert cells.rasters["z"] == raster
+
+
+def test_a_surface_that_was_only_checked_is_painted_without_a_matched_one():
+    made = planned(View(check=True, measured=False))
+    read = {raster.name for one in made if isinstance(one, Job) for raster in one.reads.values() if isinstance(raster, Raster)}
+    assert GIVEN_HEIGHT in read and not [name for name in read if name.startswith("densification")]
+    paths = {one.path for one in made if isinstance(one, Export)}
+    assert "products/ortho.tif" in paths and not [path for path in paths if path.endswith(".laz")]
 
 
 @pytest.mark.parametrize(("cell", "expected"), [("auto", 0.5), (1.0, 1.0), (0.25, 0.25)])

@@ -26,3 +26,4 @@ CrsOf = Annotated[str | None, typer.Option("--crs", help="Projected CRS of the a
 SystemOf = Annotated[str | None, typer.Option("--system", help="Reference system of a surface whose file names none.")]
 RemoveShift = Annotated[bool, typer.Option("--remove-shift", help="Take a shift of the whole surface out.")]
 Fill = Annotated[bool, typer.Option("--fill", help="Fill holes of the surface by matching of the photographs.")]
+Ortho = Annotated[bool, typer.Option("--ortho", help="Make the orthoimage of the corrected surface as well.")]

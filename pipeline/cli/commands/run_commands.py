@@ -13,6 +13,7 @@ from orthomill.pipeline.cli.commands.option_types import (
     Fill,
     From,
     Memory,
+    Ortho,
     PhotosOf,
     ProjectOf,
     RemoveShift,
@@ -124,6 +125,7 @@ def check(
     system: SystemOf = None,
     remove_shift: RemoveShift = False,
     fill: Fill = False,
+    ortho: Ortho = False,
     name: Annotated[str | None, typer.Option(help="Results go to runs/<name>.")] = None,
     workers: Workers = 0,
     memory: Memory = 1500,
@@ -137,7 +139,7 @@ def check(
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
-        given = checking.CheckOptions(photos, project, block, crs, system, remove_shift, fill)
+        given = checking.CheckOptions(photos, project, block, crs, system, remove_shift, fill, ortho=ortho)
         loaded = checking.check_workflow(name or checking.check_name(surface), surface, given, Path.cwd(), STAGES)
         run_project(loaded, Options(None, None, workers, memory * MIB, sequential))
 

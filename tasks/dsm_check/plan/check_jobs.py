@@ -18,9 +18,9 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.surface import Surface
+from orthomill.schemas.surface import CHECKED_SURFACE, CORRECTED, GIVEN_CODE, GIVEN_HEIGHT, GIVEN_PRECISION, Surface
 from orthomill.tasks.dsm_check.areas import block_size
-from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, CHECKED_SURFACE, choose_checked_pairs
+from orthomill.tasks.dsm_check.coverage import CHECKED_PAIRS, choose_checked_pairs
 from orthomill.tasks.dsm_check.joint_correction import BENDS
 from orthomill.tasks.dsm_check.plan.answer import answer_job
 from orthomill.tasks.dsm_check.plan.check_answer import answer_rasters, answer_writes, exports, report_job
@@ -42,6 +42,7 @@ from orthomill.tasks.dsm_check.rounds.round_state import state_table
 from orthomill.tasks.dsm_check.stage import DsmCheckStage
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.surface_shift import TREND
+from orthomill.tasks.dsm_check.surfaces.taken_surface import painted_surface
 from orthomill.tasks.dsm_check.tile import correct_tile
 
 
@@ -144,3 +145,23 @@ def _several(
         writes = answer_writes(tile, block_size(passes.surface.grid.shape))
         yield answer_job(passes, tile, number, levels > 0, writes, Finish(passes.rule(), back, own), not keeps)
     yield report_job(asked, passes, reads, params)
+    if isinstance(asked.surface, SurfaceFile) and view.has_stage("texture") and not view.has_stage("densification"):
+        yield from _painted(asked, passes, back, own)
+
+
+def _painted(asked: DsmCheckStage, passes: Passes, back: float, own: float) -> Iterator[RasterSpec | Job]:
+    """The corrected surface as the orthoimage needs it: in the height system of the photographs, with codes and standard errors."""
+    names = {"height": GIVEN_HEIGHT, "precision": GIVEN_PRECISION, "code": GIVEN_CODE}
+    for name in names.values():
+        yield passes.raster(name, "uint8") if name == GIVEN_CODE else passes.raster(name)
+    for tile in passes.tiles():
+        yield Job(
+            stage=asked.kind,
+            item="painted",
+            function=painted_surface,
+            reads={"corrected": Raster(CORRECTED, tile.window)},
+            writes={key: Raster(name, tile.window) for key, name in names.items()},
+            params={"back": back, "sigma": own},
+            row=tile.row,
+            col=tile.col,
+        )

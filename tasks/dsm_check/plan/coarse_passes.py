@@ -5,7 +5,7 @@ from orthomill.schemas.job import HeightFile, Job, Raster, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE
+from orthomill.schemas.surface import CHECKED_SURFACE
 from orthomill.tasks.dsm_check.plan.passes import FAR, NAN, SECOND, Passes, Plan, tile_job
 from orthomill.tasks.dsm_check.plan.round_plan import KIND, CheckRound, Reads, coarser
 from orthomill.tasks.dsm_check.rounds.coarse_levels import (

@@ -9,8 +9,7 @@ from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.surface import HEIGHT, PROVENANCE, SURFACE
-from orthomill.tasks.dsm_check.coverage import CHECKED_SURFACE
+from orthomill.schemas.surface import CHECKED_SURFACE, HEIGHT, PROVENANCE, SURFACE
 from orthomill.tasks.dsm_check.plan.coarse_passes import level_pairs, placing
 from orthomill.tasks.dsm_check.plan.passes import FILLED, Passes
 from orthomill.tasks.dsm_check.plan.round_plan import Reads

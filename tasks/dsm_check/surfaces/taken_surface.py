@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.surface import MEASURED
+from orthomill.schemas.surface import MEASURED, Provenance
 from orthomill.tasks.dsm_check.tile import take_surface
 
 
@@ -29,3 +29,22 @@ def take_file(
         return TakenSurface(own, np.zeros(own.shape, np.uint8))
     filled = np.isnan(own) & np.isfinite(matched) & np.isin(provenance, MEASURED)
     return TakenSurface(np.where(filled, matched, own).astype(np.float32), filled.astype(np.uint8))
+
+
+class PaintedSurface(NamedTuple):
+    """Heights and standard errors (rows, cols) float32 m, NaN where there are none, and uint8 codes of `Provenance`."""
+
+    height: np.ndarray
+    precision: np.ndarray
+    code: np.ndarray
+
+
+def painted_surface(corrected: np.ndarray, back: float, sigma: float) -> PaintedSurface:
+    """The corrected surface (rows, cols) m without what was added to give it `back`; `sigma` m: of its heights.
+
+    What somebody else has measured counts as measured: the check tells where it is wrong.
+    """
+    known = np.isfinite(corrected)
+    code = np.where(known, np.uint8(Provenance.AGREED), np.uint8(Provenance.EMPTY))
+    precision = np.where(known, np.float32(sigma), np.float32(np.nan))
+    return PaintedSurface((corrected - np.float32(back)).astype(np.float32), precision, code)

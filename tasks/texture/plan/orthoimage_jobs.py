@@ -14,8 +14,12 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tile
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import (
+    CHECKED_SURFACE,
     CORRECTED,
     COUNT,
+    GIVEN_CODE,
+    GIVEN_HEIGHT,
+    GIVEN_PRECISION,
     HEIGHT,
     HEIGHT_SOURCE,
     ORTHO,
@@ -80,7 +84,12 @@ class OrthoimageJobs:
     @cached_property
     def surface(self) -> Surface:
         """The surface model."""
-        return self.view.table(SURFACE)
+        return self.view.table(SURFACE if self.measured else CHECKED_SURFACE)
+
+    @property
+    def measured(self) -> bool:
+        """Whether the project has matched the surface, and not only checked one from a file."""
+        return self.view.has_stage("densification") or not self.view.has_stage("dsm_check")
 
     @cached_property
     def photos(self) -> Photos:
@@ -90,6 +99,8 @@ class OrthoimageJobs:
     @cached_property
     def heights(self) -> str:
         """The raster of heights; the one named here decides which stage the tiles wait for."""
+        if not self.measured:
+            return GIVEN_HEIGHT
         return CORRECTED if self.view.has_stage("dsm_check") else HEIGHT
 
     @cached_property
@@ -174,8 +185,8 @@ class OrthoimageJobs:
             extent = tile_extent(relief, self.ortho, tile.window, fine, rules.halo, rules.around)
             reads = {
                 **self._reads(extent),
-                "precision": Raster(RELATIVE_PRECISION, extent.heights),
-                "provenance": Raster(PROVENANCE, extent.heights),
+                "precision": Raster(RELATIVE_PRECISION if self.measured else GIVEN_PRECISION, extent.heights),
+                "provenance": Raster(PROVENANCE if self.measured else GIVEN_CODE, extent.heights),
                 "radiometry": RADIOMETRY,
             }
             if self.draped:
@@ -223,6 +234,8 @@ class OrthoimageJobs:
         sources = {"photograph": ORTHO_SOURCE, "photographs": COVERAGE}
         yield Export("texture", "source_cog", "products/ortho_source.tif", "cog", sources)
         yield Export("texture", "seams", "products/ortho_seams.gpkg", "areas", {"codes": ORTHO_SOURCE}, (SOURCE_AREAS,))
+        if not self.measured:
+            return
         tiles = tiles_of(dsm.shape, self.view.project.tile)
         classed = self.view.has_stage("terrain")
         places = [(tile.row, tile.col) for tile in tiles]

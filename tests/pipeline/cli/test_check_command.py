@@ -50,6 +50,12 @@ def test_a_block_takes_the_place_of_the_orientation(root):
     assert (surface.shift, surface.holes, surface.sigma) == ("remove", "fill", 0.2)
 
 
+def test_an_orthoimage_of_the_corrected_surface_needs_no_matched_one(root):
+    given = CheckOptions(photos=PHOTOS, ortho=True)
+    kinds = [stage.kind for stage in check_workflow("one", root.parent / "Old Model.tif", given, root, STAGES).stages]
+    assert kinds[-2:] == ["dsm_check", "texture"] and "densification" not in kinds
+
+
 def test_a_project_calibrated_with_chessboards_lends_its_camera(root):
     folder = root / "runs" / "town"
     (folder / "products").mkdir(parents=True)
