@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
 from orthomill.pipeline.report import numbers
+from orthomill.pipeline.report.accepted_part import accepted_part
 from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
 from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for
 from orthomill.pipeline.report.pictures import Drawing, draw
@@ -120,6 +121,7 @@ def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFa
         longest=max((section.run.seconds for section in sections), default=0.0) or 1.0,
         failed=[section for section in sections if section.failures],
         signed=signed_part(folder),
+        accepted=accepted_part(folder),
     )
 
 

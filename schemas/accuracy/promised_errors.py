@@ -1,8 +1,11 @@
 """Which share of independent observations lay within the errors that were promised for them."""
 
+from dataclasses import dataclass
+
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from orthomill.schemas.job import Table
+from orthomill.schemas.job import Columns, Table
 
 MULTIPLES = (1.0, 2.0, 3.0)
 """of the promised standard errors"""
@@ -47,6 +50,20 @@ class Reliability(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     kinds: tuple[KeptPromises, ...] = ()
+
+
+@dataclass(frozen=True)
+class PairDifferences(Columns):
+    """One row for a place where two pairs without a common photograph measured the height."""
+
+    difference: np.ndarray
+    promised: np.ndarray
+    """float64 m: of the two heights, and its standard error by theirs among neighbours"""
+
+
+def pair_differences_table(row: int, col: int) -> Table[PairDifferences]:
+    """The differences in a tile of the surface model."""
+    return Table(f"accuracy/disjoint_pairs/{row}-{col}.parquet", PairDifferences)
 
 
 RELIABILITY = Table("accuracy/reliability.json", Reliability)

@@ -5,8 +5,12 @@ import pytest
 
 from orthomill.schemas.accuracy.point_tests import PointTests
 from orthomill.schemas.accuracy.promised_errors import Reliability
+from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.orientation import GroundResidual, GroundResiduals
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import SurfacePoints
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of
+from orthomill.tasks.accuracy.promises.disjoint_pairs import SurfacePart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import kept, reliability_of
 from orthomill.tasks.accuracy.report.adjustment_words import promise_warnings
 
@@ -40,3 +44,43 @@ def test_observations_that_nothing_checks_are_no_proof():
 def test_correlations_come_from_covariances():
     found = correlations_of(np.array([[4.0, -3.0, 0.0], [-3.0, 9.0, 0.0], [0.0, 0.0, 0.0]]))
     assert found[0, 1] == pytest.approx(-0.5) and found[0, 0] == 1 and not found[2].any()
+
+
+def pair(name: str, left: str, right: str) -> EpipolarPair:
+    row, three = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    sizes = dict.fromkeys(("c", "base", "base_height"), 1.0) | dict.fromkeys(("rows", "left_cols", "right_cols"), 9)
+    zero = dict.fromkeys(("row0", "left_col0", "right_col0", "parallax_low", "parallax_high", "row_sigma"), 0.0)
+    return EpipolarPair(
+        name=name, left=left, right=right, rotation=(row, row, row), left_centre=three, right_centre=three, **sizes, **zero
+    )
+
+
+PAIRS = EpipolarPairs(pairs=(pair("a-b", "a", "b"), pair("c-d", "c", "d"), pair("b-c", "b", "c")))
+GRID = MapGrid(west=0.0, north=600.0, cell=1.0, rows=600, cols=600)
+
+
+def slope() -> np.ndarray:
+    x, y = GRID.centres(Window(0, 0, 600, 600))
+    return 100.0 + 0.5 * x[None, :] + 0.2 * y[:, None]
+
+
+def matched(window: Window, sources: tuple[int, ...]) -> SurfacePoints:
+    """Points of pairs anywhere in the cells of a window, off a slope by errors of 0.1 m."""
+    rng = np.random.default_rng(window.row)
+    x, y = (np.repeat(a.ravel(), len(sources)) for a in np.meshgrid(*GRID.centres(window)))
+    x, y = x + rng.uniform(-0.4, 0.4, len(x)), y + rng.uniform(-0.4, 0.4, len(x))
+    z = 100.0 + 0.5 * x + 0.2 * y + rng.normal(0, 0.1, len(x))
+    ones = np.ones(len(x))
+    source = np.tile(np.array(sources, np.uint16), len(x) // len(sources))
+    return SurfacePoints(x, y, z, 0.1 * ones.astype(np.float32), (2 * ones).astype(np.uint8), (2 * ones).astype(np.uint8), source)
+
+
+def test_two_pairs_without_a_common_photograph_test_each_others_heights_on_a_slope():
+    window = Window(60, 0, 480, 600)
+    part = SurfacePart(GRID, window.grown(1).clipped(GRID.shape))
+    heights = slope()[part.window.slices]
+    found = pair_differences(matched(window, (3, 1, 2)), heights, PAIRS, part)
+    assert len(found) == 40 * 50 and found.promised == pytest.approx(0.1 * 2**0.5, rel=1e-5)
+    (kind,) = reliability_of(PointTests(), GroundResiduals(), (found,)).kinds
+    assert kind.holds and kind.items == 2000 and not kind.independent and kind.factor == pytest.approx(1.0, abs=0.06)
+    assert not len(pair_differences(matched(window, (3, 1)), heights, PAIRS, part)), "b is in both"

@@ -108,6 +108,7 @@ def accept(
         facts_of_files,
         facts_of_run,
         profile_of,
+        show_acceptance,
     )
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.table_files import write_whole
@@ -132,6 +133,8 @@ def accept(
         for path in [*own, *([output] if output else [])]:
             text = acceptance_page(result) if path.suffix == ".html" else result.model_dump_json(indent=1)
             write_whole(path, text.encode())
+        if own and loaded:
+            show_acceptance(loaded)
         for line in acceptance_lines(result):
             out.print(escape(line), soft_wrap=True)
     if not result.complete:

@@ -11,10 +11,15 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from orthomill.pipeline.engine.run_facts import read_facts
+from orthomill.pipeline.engine.running import titles_of
+from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
 from orthomill.schemas.accuracy.acceptance import Acceptance, AcceptanceLimits, AcceptanceResult, DeliveryFacts, NoAcceptance
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
@@ -82,6 +87,15 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
         last_day=times[-1][:10] if times else None,
         crs=crs,
     )
+
+
+def show_acceptance(loaded: LoadedWorkflow) -> None:
+    """Write the report of a run again, which shows what was kept of its acceptance. Raises ResourceError during a run."""
+    folder = loaded.run_folder
+    facts = read_facts(folder)
+    if facts is not None:
+        with only_run(folder):
+            rewrite_page(Store(folder), folder, titles_of(loaded.stages), facts)
 
 
 def _estimated(store: Store) -> float | None:

@@ -8,19 +8,21 @@ from functools import cached_property
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
 from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
-from orthomill.schemas.accuracy.promised_errors import RELIABILITY
+from orthomill.schemas.accuracy.promised_errors import RELIABILITY, PairDifferences, pair_differences_table
+from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Reading, Table
 from orthomill.schemas.observations import CONTROL, ControlPoint
 from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
-from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, points_table
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import state_adjustment
 from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
+from orthomill.tasks.accuracy.promises.disjoint_pairs import SurfacePart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 
@@ -51,11 +53,14 @@ class PointJobs:
             writes={"tests": POINT_TESTS},
             params={"area_km2": area},
         )
+        tiles = list(self._tiles())
+        yield from map(self._pairs, tiles)
+        differences: tuple[Table[PairDifferences], ...] = tuple(pair_differences_table(tile.row, tile.col) for tile in tiles)
         yield Job(
             stage="accuracy",
             item="reliability",
             function=reliability_of,
-            reads={"tests": POINT_TESTS, "ground": GROUND_RESIDUALS},
+            reads={"tests": POINT_TESTS, "ground": GROUND_RESIDUALS, "pairs": differences},
             writes={"reliability": RELIABILITY},
         )
         yield Job(
@@ -99,6 +104,27 @@ class PointJobs:
         spec = self.view.raster(ORTHO)
         cell, _, west, _, _, north = spec.transform or (1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
         return MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
+
+    def _tiles(self) -> Iterator[Tile]:
+        """Of the surface model, where pairs of photographs measured it."""
+        if self.surface and self.view.has_stage("epipolar"):
+            yield from tiles_of(self.surface.shape, self.view.project.tile)
+
+    def _pairs(self, tile: Tile) -> Job:
+        assert self.surface, "tiles are those of the surface"
+        window = tile.window.grown(1).clipped(self.surface.shape)
+        heights = CORRECTED if self.view.has_stage("dsm_check") else HEIGHT
+        return Job(
+            stage="accuracy",
+            item="pairs",
+            function=pair_differences,
+            reads={"points": points_table(tile.row, tile.col), "heights": Raster(heights, window), "pairs": PAIRS},
+            writes={"differences": pair_differences_table(tile.row, tile.col)},
+            params={"part": SurfacePart(self.surface, window)},
+            row=tile.row,
+            col=tile.col,
+            scratch=120 * window.cells,
+        )
 
     def _test(self, number: int, point: ControlPoint, table: Table) -> Job:
         place = self._place(point)

@@ -2,7 +2,8 @@
 
 Check points took no part. Positions, control and distances did; their residual over its own standard error is, in least squares,
 exactly the difference from what all others say without them over the standard error of that (leave-one-out), so that they count
-as well. Coordinates of one point are not independent: the interval is that of as many observations as there are points.
+as well. Two pairs of photographs without a common one test each other's heights. Coordinates of one point are not independent: the
+interval is that of as many observations as there are points.
 
 Source of the interval: Wilson 1927. Leave-one-out and residuals: Baarda 1968; Cook & Weisberg 1982, 2.2.
 """
@@ -13,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from orthomill.schemas.accuracy.point_tests import PointTests
-from orthomill.schemas.accuracy.promised_errors import EXPECTED, MULTIPLES, KeptPromises, Reliability
+from orthomill.schemas.accuracy.promised_errors import EXPECTED, MULTIPLES, KeptPromises, PairDifferences, Reliability
 from orthomill.schemas.orientation import GroundResidual, GroundResiduals
 
 _95 = 1.959964
@@ -26,7 +27,7 @@ _ROLES = (
 )
 
 
-def reliability_of(tests: PointTests, ground: GroundResiduals) -> Reliability:
+def reliability_of(tests: PointTests, ground: GroundResiduals, pairs: tuple[PairDifferences, ...] = ()) -> Reliability:
     """The kinds of which a project has observations."""
     heights = [[(p.height_difference, p.height_predicted)] for p in tests.points if p.height_difference is not None]
     places = [_pairs(p.place_difference, p.place_predicted) for p in tests.points if p.place_difference and p.place_predicted]
@@ -35,6 +36,8 @@ def reliability_of(tests: PointTests, ground: GroundResiduals) -> Reliability:
         found.append(kept(words, independent, [_of_residual(r) for r in ground.of_role(role)]))
     lengths = [[(d.difference, d.predicted)] for d in ground.distances]
     found.append(kept("measured distances, left out in turn", False, lengths))
+    heights_of_pairs = [[one] for part in pairs for one in zip(part.difference.tolist(), part.promised.tolist(), strict=True)]
+    found.append(kept("heights of disjoint pairs, among neighbours", False, heights_of_pairs))
     return Reliability(kinds=tuple(kind for kind in found if kind is not None))
 
 

@@ -165,17 +165,19 @@ def test_the_page_is_small_loads_nothing_from_elsewhere_and_bears_any_title(tmp_
 
 
 @pytest.mark.slow
-def test_a_browser_opens_it_from_the_disk_and_knows_the_height_of_a_place(tmp_path):
+def test_a_browser_opens_it_from_the_disk_knows_the_height_of_a_place_and_draws_the_points(tmp_path):
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("no browser here")
     index = written(tmp_path) / "index.html"
     asks = "om.valueAt('surface.height',407100.5,4357200.5).then((v)=>{document.title='height '+v});"
+    asks += "document.getElementById('space').click();"
     index.write_text(index.read_text().replace("window.om = {", f"setTimeout(()=>{{{asks}}},200);window.om = {{"))
     flags = [
         "--headless=new",
         "--no-sandbox",
-        "--disable-gpu",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
         "--virtual-time-budget=6000",
         f"--user-data-dir={tmp_path / 'profile'}",
     ]
@@ -184,3 +186,4 @@ def test_a_browser_opens_it_from_the_disk_and_knows_the_height_of_a_place(tmp_pa
     found = re.search(r"<title>height (\d+)</title>", dom)
     assert found and int(found.group(1)) == pytest.approx(z * 1000, abs=1)
     assert re.search(r'viewer/0/1/0-0\.(jpg|webp)"', dom) and dom.count('class="choice"') == 4
+    assert "points, one every 1.00 m, measured heights only" in dom

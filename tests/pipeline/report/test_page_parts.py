@@ -1,5 +1,6 @@
 """The page says what happened: its verdict, its states, its key figures and its tables."""
 
+import os
 import re
 from pathlib import Path
 
@@ -7,8 +8,10 @@ import pytest
 from memory_store import MemoryStore
 
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
+from orthomill.pipeline.report.accepted_part import accepted_part
 from orthomill.pipeline.report.page import PictureView, Section, figure_row, label_of, leading, length_text, report_html
 from orthomill.pipeline.report.pictures import Drawing
+from orthomill.schemas.accuracy.acceptance import AcceptanceResult, Clause
 from orthomill.schemas.stage_report import Figure, Grid, Picture, StageReport, Verdict, report_table
 
 STAGES = (("photos", "Photographs"), ("texture", "True orthoimage"))
@@ -178,3 +181,24 @@ def pictured(kind: str, *titles: str, first_page: bool = True) -> Section:
 )
 def test_results_of_the_last_stage_lead_in_its_own_order(sections, first):
     assert [view.name for view in leading(sections)] == first
+
+
+def test_an_acceptance_is_shown_until_a_product_is_made_again(tmp_path):
+    met, missed = (Clause(clause=name, found="0.03 m", limit="0.05 m", outcome=name) for name in ("met", "missed"))
+    result = AcceptanceResult(profile="asprs_2023", delivery="volos", clauses=(met, missed), findings=("Tilted by 3 cm.",))
+    facts, store = run(DONE, StageRun("texture", jobs=2, done=2)), MemoryStore()
+    assert "<h2>Acceptance</h2>" not in report_html(store, STAGES, facts, tmp_path)
+    (tmp_path / "acceptance.json").write_text(result.model_dump_json())
+    shown = report_html(store, STAGES, facts, tmp_path)
+    assert "1 of 2 clauses missed" in shown and "Tilted by 3 cm." in shown and '<td class="doubt">missed</td>' in shown
+    product = tmp_path / "products" / "dsm.tif"
+    product.parent.mkdir()
+    product.touch()
+    later = (tmp_path / "acceptance.json").stat().st_mtime + 10
+    os.utime(product, (later, later))
+    assert accepted_part(tmp_path) is None
+    os.utime(tmp_path / "acceptance.json", (later + 5, later + 5))
+    assert accepted_part(tmp_path) == result
+    (tmp_path / "acceptance.json").write_text("{")
+    os.utime(tmp_path / "acceptance.json", (later + 5, later + 5))
+    assert accepted_part(tmp_path) is None
