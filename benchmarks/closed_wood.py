@@ -5,6 +5,7 @@ tells of a finished run of it. The wood lies in the middle of the block, so that
 the wind from photograph to photograph, have gaps, and leaves at many depths, as the trees of every simulated scene.
 """
 
+import json
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,6 +49,7 @@ FLIGHT: dict[str, Any] = {
     "check": 0,
 }
 """45 m above the plain, trees up to 12 m: pixels of 0.075 m on the ground, overlaps of 85 and 70 %"""
+_STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "terrain", "evaluation")
 WORKFLOW = {
     "project": PROJECT,
     "crs": "EPSG:2100",
@@ -65,10 +67,7 @@ WORKFLOW = {
     },
     "positions": {"kind": "simulated"},
     "tile": 512,
-    "stages": [
-        FLIGHT,
-        *({"kind": kind} for kind in ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification")),
-    ],
+    "stages": [FLIGHT, *({"kind": kind} for kind in _STAGES)],
 }
 CANOPY = 2.0
 """m above the ground from which on a cell is canopy"""
@@ -171,11 +170,24 @@ def code_rows(cells: WoodCells) -> Iterator[str]:
         yield f"| {words} | {share} | {np.median(away[here]):.2f} m | {np.median(cells.sigma[here]):.2f} m | {shares} % |"
 
 
+def terrain_rows(run: Path) -> Iterator[str]:
+    """The bare ground by code, from the evaluation of the run; nothing where it has none."""
+    path = run / "summary.json"
+    figures = json.loads(path.read_text()) if path.exists() else {}
+    yield "| terrain | RMSE | within 1 / 2 / 3 of its standard errors, datum in it |"
+    yield "| --- | --- | --- |"
+    for code in ("measured", "under_buildings", "under_wood", "guessed"):
+        head = f"evaluation.terrain_{code}_"
+        if f"{head}rmse" in figures:
+            shares = " / ".join(f"{figures[f'{head}within_{k}_sigma']['value']:.1f}" for k in (1, 2, 3))
+            yield f"| {code.replace('_', ' ')} | {figures[f'{head}rmse']['value']:.2f} m | {shares} % |"
+
+
 def page(run: Path) -> str:
     """The page of results."""
     cells = wood_cells(run)
     lines = ["# A closed wood", "", (__doc__ or "").split("\n\n")[1].replace("\n", " ").strip(), ""]
-    return "\n".join([*lines, *crown_rows(cells), "", *code_rows(cells), ""])
+    return "\n".join([*lines, *crown_rows(cells), "", *code_rows(cells), "", *terrain_rows(run), ""])
 
 
 def main(words: list[str]) -> None:
