@@ -10,7 +10,7 @@ from orthomill.schemas.orientation import GroundResidual, GroundResiduals
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import SurfacePoints
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of
-from orthomill.tasks.accuracy.promises.disjoint_pairs import SurfacePart, pair_differences
+from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import kept, reliability_of
 from orthomill.tasks.accuracy.report.adjustment_words import promise_warnings
 
@@ -77,7 +77,7 @@ def matched(window: Window, sources: tuple[int, ...]) -> SurfacePoints:
 
 def test_two_pairs_without_a_common_photograph_test_each_others_heights_on_a_slope():
     window = Window(60, 0, 480, 600)
-    part = SurfacePart(GRID, window.grown(1).clipped(GRID.shape))
+    part = CheckedPart(GRID, window.grown(1).clipped(GRID.shape))
     heights = slope()[part.window.slices]
     found = pair_differences(matched(window, (3, 1, 2)), heights, PAIRS, part)
     assert len(found) == 40 * 50 and found.promised == pytest.approx(0.1 * 2**0.5, rel=1e-5)

@@ -22,7 +22,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
-from orthomill.tasks.accuracy.promises.disjoint_pairs import SurfacePart, pair_differences
+from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 
@@ -120,7 +120,7 @@ class PointJobs:
             function=pair_differences,
             reads={"points": points_table(tile.row, tile.col), "heights": Raster(heights, window), "pairs": PAIRS},
             writes={"differences": pair_differences_table(tile.row, tile.col)},
-            params={"part": SurfacePart(self.surface, window)},
+            params={"part": CheckedPart(self.surface, window)},
             row=tile.row,
             col=tile.col,
             scratch=120 * window.cells,

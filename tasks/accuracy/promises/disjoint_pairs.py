@@ -19,7 +19,7 @@ STRIDE = 12
 
 
 @dataclass(frozen=True)
-class SurfacePart:
+class CheckedPart:
     """The window of a grid whose heights are given."""
 
     grid: MapGrid
@@ -37,7 +37,7 @@ class SurfacePart:
         return upper * (1 - v) + lower * v
 
 
-def pair_differences(points: SurfacePoints, heights: np.ndarray, pairs: EpipolarPairs, part: SurfacePart) -> PairDifferences:
+def pair_differences(points: SurfacePoints, heights: np.ndarray, pairs: EpipolarPairs, part: CheckedPart) -> PairDifferences:
     """The differences in a tile: its points, the heights (rows, cols) m of the surface around, and the pairs that they name."""
     if not len(points) or min(heights.shape) < 2:
         return PairDifferences(np.zeros(0), np.zeros(0))
