@@ -43,7 +43,12 @@ def some_of(names: Sequence[str], most: int = 8) -> str:
     """The first `most` names, and how many more there are."""
     # A block can have thousands of photographs, and the message must remain one readable sentence.
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return ", ".join(map(on_one_line, names[:most])) + more
+
+
+def on_one_line(name: str) -> str:
+    """A name of a file or photograph in a sentence: it may hold line ends, and bytes that are no text."""
+    return "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in name)
 
 
 def first_of(sentences: Sequence[str], most: int = 10) -> str:

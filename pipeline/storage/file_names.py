@@ -10,6 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from urllib.parse import quote
 
+from orthomill.schemas.errors import on_one_line
+
 LONGEST = 170
 """Characters of a name here. File systems allow 255 bytes, of which endings and temporary names take a part, and a pair of
 photographs has the names of both."""
@@ -47,5 +49,4 @@ def shown(path: Path) -> str:
     """A path as the user knows it: relative to the current folder if it is inside it; on one line, whatever its name holds."""
     absolute = Path(os.path.abspath(path))
     inside = absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
-    # A name may hold line ends, which would break a sentence, and bytes that are no text, which no terminal can show.
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in inside.as_posix())
+    return on_one_line(inside.as_posix())

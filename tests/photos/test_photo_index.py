@@ -336,11 +336,15 @@ def test_the_sigma_of_gps_is_that_of_the_setting():
 
 
 def test_a_small_picture_is_set_aside_with_its_size():
-    photos = photos_of((header("b.jpg"), header(width=60)), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    photos = photos_of((header("b.jpg"), header("c.jpg"), header(width=60)), "EPSG:26915", EXIF_POSITIONS, LIMITS)
     said = remark_sentence(photos.remarks[0])
-    assert photos.names == ("b",) and "a.jpg has only 60 x 2250 pixels, too few for a photograph (at least 64 a side" in said
+    assert photos.names == ("b", "c") and "a.jpg has only 60 x 2250 pixels, too few for a photograph (at least 64 a side" in said
     with pytest.raises(PhotoError, match=r"No file is a photograph that can be used\. 1 file set aside: photos/a.jpg has only"):
         photos_of((header(width=60),), "EPSG:26915", EXIF_POSITIONS, LIMITS)
+    with pytest.raises(
+        PhotoError, match=r"photos/b.jpg is the only photograph that can be used; .* 1 file set aside: photos/a.jpg has"
+    ):
+        photos_of((header("b.jpg"), header(width=60)), "EPSG:26915", EXIF_POSITIONS, LIMITS)
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,12 @@ def without_unusable(headers: tuple[Header, ...], smallest_side: int) -> OneBloc
     if not faults:
         return OneBlock(headers, ())
     aside = PhotoRemark(code=PhotoRemarkCode.UNUSABLE_FILE, photos=tuple(faults), words=tuple(faults.values()))
+    left = [header.path for header in headers if header.path not in faults]
+    if len(left) == 1:
+        raise PhotoError(
+            f"{left[0]} is the only photograph that can be used; surfaces are measured from two or more that overlap. "
+            f"{set_aside_sentence(aside)}"
+        )
     if len(faults) == len(headers):
         raise PhotoError(f"No file is a photograph that can be used. {set_aside_sentence(aside)}")
     return OneBlock(tuple(header for header in headers if header.path not in faults), (aside,))

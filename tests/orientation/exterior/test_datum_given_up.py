@@ -10,7 +10,8 @@ from simulated_block import two_strips
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
-from orthomill.tasks.orientation.exterior import adjusted_block, explained_adjustment
+from orthomill.tasks.orientation.exterior import explained_adjustment
+from orthomill.tasks.orientation.exterior.compared_blocks import explains_more
 
 
 def test_observations_that_pull_are_named_and_left_out(monkeypatch):
@@ -59,9 +60,9 @@ def explained(sigma0_px, residual, used):
 def test_of_two_starts_the_one_with_the_smaller_residuals_is_kept():
     all_used, most_used = np.ones(100, bool), np.arange(100) < 95
     bent, right = explained(2.0, 1.6, all_used), explained(0.5, 0.4, most_used)
-    assert adjusted_block._explains_more(right, bent) and not adjusted_block._explains_more(bent, right)
+    assert explains_more(right, bent) and not explains_more(bent, right)
     # With equal residuals the one with more rays explains more.
-    assert adjusted_block._explains_more(explained(0.5, 0.4, all_used), right)
+    assert explains_more(explained(0.5, 0.4, all_used), right)
 
 
 def test_a_free_block_that_does_not_converge_still_fails(monkeypatch):
