@@ -1,6 +1,5 @@
 """The paths of the page of marks: the page, what is known, changes, and parts of photographs."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ from tornado.web import HTTPError, RequestHandler
 
 from orthomill.pipeline.serving.marking.mark_ledger import CHANGES, OvertakenError
 from orthomill.pipeline.serving.marking.marking_session import MarkingSession
-from orthomill.pipeline.serving.marking.photograph_crops import LARGEST
+from orthomill.pipeline.serving.page_answers import PageAnswer
 from orthomill.schemas.errors import OrthomillError
 
 POLICY = "default-src 'none'; connect-src 'self'; img-src 'self' data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -29,7 +28,7 @@ class _MarkPage(RequestHandler):
         self.write(self._text)
 
 
-class _Asked(RequestHandler):
+class _AskedOfMarks(PageAnswer):
     """Answers that take more than a moment are computed beside the loop."""
 
     def initialize(self, session: MarkingSession) -> None:
@@ -45,47 +44,33 @@ class _Asked(RequestHandler):
             self.set_status(400)
             return {"error": str(error)}
 
-    def tell(self, value: Any) -> None:
-        self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.set_header("Cache-Control", "no-store")
-        self.write(json.dumps(value, separators=(",", ":"), ensure_ascii=False).encode())
 
-    def number(self, name: str, low: float, high: float) -> float:
-        try:
-            value = float(self.get_query_argument(name))
-        except ValueError:
-            raise HTTPError(400) from None
-        if not low <= value <= high:  # NaN as well
-            raise HTTPError(400)
-        return value
-
-
-class _Photographs(_Asked):
+class _Photographs(_AskedOfMarks):
     def get(self) -> None:
         self.tell(self.session.photographs())
 
 
-class _State(_Asked):
+class _State(_AskedOfMarks):
     async def get(self) -> None:
         self.tell(await self.answered(self.session.state, int(self.number("known", 0, 1e15))))
 
 
-class _Sights(_Asked):
+class _Sights(_AskedOfMarks):
     async def get(self) -> None:
         self.tell(await self.answered(self.session.sights, self.get_query_argument("point", "")))
 
 
-class _Proposals(_Asked):
+class _Proposals(_AskedOfMarks):
     async def get(self) -> None:
         self.tell(await self.answered(self.session.proposals, self.get_query_argument("point", "")))
 
 
-class _NextPoints(_Asked):
+class _NextPoints(_AskedOfMarks):
     async def post(self) -> None:
         self.tell(await self.answered(self.session.next_points))
 
 
-class _ChangeMade(_Asked):
+class _ChangeMade(_AskedOfMarks):
     async def post(self) -> None:
         # A form of another site can send text, but not this type without being asked first.
         if not self.request.headers.get("Content-Type", "").startswith("application/json") or len(self.request.body) > MOST_BYTES:
@@ -100,18 +85,9 @@ class _ChangeMade(_Asked):
         self.tell(await self.answered(self.session.change, change))
 
 
-class _Crop(_Asked):
+class _Crop(_AskedOfMarks):
     async def get(self) -> None:
-        size = (round(self.number("w", 1, LARGEST)), round(self.number("h", 1, LARGEST)))
-        place = self.number("col", -1e6, 1e6), self.number("row", -1e6, 1e6)
-        found = await IOLoop.current().run_in_executor(
-            None, self.session.crops.jpeg, self.get_query_argument("photo", ""), *place, self.number("scale", 1e-3, 64), size
-        )
-        if found is None:
-            raise HTTPError(404)
-        self.set_header("Content-Type", "image/jpeg")
-        self.set_header("Cache-Control", "private, max-age=3600")
-        self.write(found)
+        await self.show(self.session.crops, (self.side("w"), self.side("h")))
 
 
 def mark_routes(session: MarkingSession) -> list[tuple[str, type[RequestHandler], dict[str, Any]]]:

@@ -1,6 +1,5 @@
 """The paths of the map of a run on this machine: its page and tiles as they lie on the disk, and photographs that show a place."""
 
-import json
 import mimetypes
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -9,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from tornado.ioloop import IOLoop
-from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+from tornado.web import RequestHandler, StaticFileHandler
 
-from orthomill.pipeline.serving.marking.photograph_crops import LARGEST, PhotographCrops
+from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
+from orthomill.pipeline.serving.page_answers import PageAnswer
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.orientation import BLOCK, Block
@@ -52,40 +52,21 @@ class PlaceAnswers:
         return [asdict(one) for one in found[:MOST_PHOTOGRAPHS]]
 
 
-class _AskedOfPlace(RequestHandler):
+class _AskedOfPlace(PageAnswer):
     def initialize(self, answers: PlaceAnswers) -> None:
         self.answers = answers
-
-    def number(self, name: str, low: float, high: float) -> float:
-        try:
-            value = float(self.get_query_argument(name))
-        except ValueError:
-            raise HTTPError(400) from None
-        if not low <= value <= high:  # NaN as well
-            raise HTTPError(400)
-        return value
 
 
 class _PhotographsOfPlace(_AskedOfPlace):
     async def get(self) -> None:
         place = self.number("x", -1e9, 1e9), self.number("y", -1e9, 1e9)
-        found = await IOLoop.current().run_in_executor(None, self.answers.photographs, *place)
-        self.set_header("Content-Type", "application/json; charset=utf-8")
-        self.set_header("Cache-Control", "no-store")
-        self.write(json.dumps(found).encode())
+        self.tell(await IOLoop.current().run_in_executor(None, self.answers.photographs, *place))
 
 
 class _PatchOfPlace(_AskedOfPlace):
     async def get(self) -> None:
-        size = round(self.number("size", 1, LARGEST))
-        place = self.number("col", -1e6, 1e6), self.number("row", -1e6, 1e6)
-        photo, scale = self.get_query_argument("photo", ""), self.number("scale", 1e-3, 64)
-        found = await IOLoop.current().run_in_executor(None, self.answers.crops.jpeg, photo, *place, scale, (size, size))
-        if found is None:
-            raise HTTPError(404)
-        self.set_header("Content-Type", "image/jpeg")
-        self.set_header("Cache-Control", "private, max-age=3600")
-        self.write(found)
+        size = self.side("size")
+        await self.show(self.answers.crops, (size, size))
 
 
 class _ProductFile(StaticFileHandler):
