@@ -9,7 +9,7 @@ from orthomill.schemas.findings.flight_findings import ExpectedFlight
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.planned.expected_precision import ExpectedPrecision, expected_precision
 from orthomill.tasks.orientation.planned.flight_pattern import FlightPattern, flight_pattern
-from orthomill.tasks.orientation.planned.planned_block import HeightSource, PlannedBlock, planned_block
+from orthomill.tasks.orientation.planned.planned_block import HeightSource, PlannedBlock, planned_block, tell_apart
 from orthomill.tasks.orientation.planned.planned_network import PlannedMeasures, planned_network
 from orthomill.tasks.orientation.planned.remedies import WORTH, Remedy, best_remedy, with_control
 
@@ -58,9 +58,15 @@ def expected_flight(photos: Photos, cameras: Cameras, control: np.ndarray | None
 
 def _placeless(photos: Photos) -> str | None:
     """Why nothing is said of the flight."""
-    placed = {photo.position for photo in photos.photos if photo.position}
+    placed = [photo for photo in photos.photos if photo.position and photo.position_sigma]
     if not placed:
         return "Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen."
+    guessed = all(photo.relative_height is None for photo in placed)
+    if guessed and len({photo.position for photo in placed}) > 1 and not tell_apart(placed):
+        return (
+            "Flight: the positions lie closer together than their standard errors tell apart, so that pattern, overlap and "
+            "accuracy cannot be foreseen; the place on the ground rests on their mean."
+        )
     return "Flight: all positions are one place, so that pattern, overlap and accuracy cannot be foreseen."
 
 

@@ -23,6 +23,9 @@ CONVERGING = np.radians(15.0)
 """Spread of views (root mean square) from which on the place where they meet is known better than the usual overlap."""
 ONE_PLACE = 0.05
 """Extent of all places in units of the flying height up to which they are one: such a base gives no heights."""
+TOLD_APART = 2.0
+"""Extent of all places in units of their standard error below which positions tell nothing of a flight: a walk about an object with
+a phone. A drone's satellites err alike over a flight, but no flight is as small as that."""
 HeightSource = Literal["relative", "views", "overlap"]
 
 
@@ -73,7 +76,7 @@ class PlannedBlock:
 
 def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
     """The block of the photographs with a position; None for fewer than two places in plan, and where a
-    flying height neither is known nor can be guessed."""
+    flying height neither is known nor can be guessed, or can be guessed only from errors of the positions."""
     known = in_time([photo for photo in photos.photos if photo.position is not None and photo.position_sigma is not None])
     # Copies under another name have no base with what they are copies of.
     placed = list({(photo.position, photo.time): photo for photo in reversed(known)}.values())[::-1]
@@ -97,7 +100,16 @@ def planned_block(photos: Photos, cameras: Cameras) -> PlannedBlock | None:
     )
     above = _above_ground(block, placed)
     # Photographs from a drone that hovers have no base.
-    return above if above is not None and _extent(above) > ONE_PLACE * above.height else None
+    if above is None or _extent(above) <= ONE_PLACE * above.height:
+        return None
+    return None if above.height_from == "overlap" and not tell_apart(placed) else above
+
+
+def tell_apart(photos: Sequence[Photo]) -> bool:
+    """Whether the places of photographs with positions differ by more than their standard errors."""
+    plan = np.array([photo.position[:2] for photo in photos if photo.position])
+    sigma = np.array([photo.position_sigma[:2] for photo in photos if photo.position_sigma])
+    return float(np.linalg.norm(np.ptp(plan, axis=0))) > TOLD_APART * float(np.median(np.hypot(*sigma.T)))
 
 
 def _extent(block: PlannedBlock) -> float:

@@ -128,6 +128,15 @@ def test_a_drone_that_hovers_is_in_one_place():
     assert "all positions are one place" in said(photos(hovering)).pattern
 
 
+def test_a_walk_about_a_tree_with_a_phone_tells_nothing_of_a_flight():
+    """Its positions scatter by less than they are uncertain: a height guessed from their distances would be a guess from errors."""
+    walk = np.random.default_rng(1).normal(0, 3.0, (23, 3)) + ABOVE
+    found = said(photos(walk, sigma=(8.0, 8.0, 12.0), relative_height=None))
+    assert "closer together than their standard errors" in found.pattern
+    assert found.bend is None and found.accuracy is None
+    assert "about" in said(photos(10 * walk, sigma=(8.0, 8.0, 12.0), relative_height=None)).pattern
+
+
 def test_level_photographs_show_no_flat_ground():
     level = photos(np.arange(8)[:, None] * (5.0, 0.0, 0.0))
     walls = Photos(photos=tuple(photo.model_copy(update={"attitude": (90.0, 0.0, 0.0)}) for photo in level.photos))
