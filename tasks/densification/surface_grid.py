@@ -11,6 +11,7 @@ from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
+from orthomill.tasks.geometry.normal_case import Side, corner_rays
 
 _WHOLE = 1e-6
 """cells: a corner as near to a whole number of them is one"""
@@ -122,10 +123,10 @@ def height_bounds(pairs: EpipolarPairs) -> tuple[float, float]:
 def pair_bounds(pair: EpipolarPair, low: float, high: float) -> tuple[float, float, float, float]:
     """(west, south, east, north) of the ground that both images of a pair can show between the heights low and high, m."""
     sides = []
-    images = (pair.left_centre, pair.left_col0, pair.left_cols), (pair.right_centre, pair.right_col0, pair.right_cols)
-    for centre, col0, cols in images:
+    images: tuple[tuple[Side, tuple[float, float, float]], ...] = ("left", pair.left_centre), ("right", pair.right_centre)
+    for side, centre in images:
         # the footprint of a tilted frame is widest at either the lower or the upper height, never between
-        ground = np.concatenate([_frame_on_plane(pair, np.array(centre), col0, cols, z) for z in (low, high)])
+        ground = np.concatenate([_frame_on_plane(pair, side, np.array(centre), z) for z in (low, high)])
         sides.append((*ground.min(axis=0), *ground.max(axis=0)))
     left, right = np.array(sides)
     west, south = map(float, np.maximum(left[:2], right[:2]))
@@ -133,21 +134,14 @@ def pair_bounds(pair: EpipolarPair, low: float, high: float) -> tuple[float, flo
     return west, south, east, north
 
 
-def _frame(pair: EpipolarPair, col0: float, cols: int) -> np.ndarray:
-    """World directions (4, 3) of the corners of an epipolar image, scaled so that their depth in the base system is c."""
-    x, y = np.array([0, cols - 1]) - col0, pair.row0 - np.array([0, pair.rows - 1])
-    corners = np.stack(np.meshgrid(x, y, [-pair.c]), axis=-1).reshape(-1, 3)
-    return corners @ np.array(pair.rotation)
-
-
 def _frame_points(pair: EpipolarPair, parallax: float) -> np.ndarray:
     """Ground points (4, 3) m of the corners of the left image at one parallax (px)."""
-    return np.array(pair.left_centre) + _frame(pair, pair.left_col0, pair.left_cols) * pair.base / parallax
+    return np.array(pair.left_centre) + corner_rays(pair, "left") * pair.base / parallax
 
 
-def _frame_on_plane(pair: EpipolarPair, centre: np.ndarray, col0: float, cols: int, z: float) -> np.ndarray:
+def _frame_on_plane(pair: EpipolarPair, side: Side, centre: np.ndarray, z: float) -> np.ndarray:
     """Plan positions (4, 2) where the corners' rays meet the height z."""
-    rays = _frame(pair, col0, cols)
+    rays = corner_rays(pair, side)
     # A ray at or above the horizon meets no height, and the division below would put it behind the camera.
     if (rays[:, 2] >= 0).any():
         raise GeometryError(f"The pair {pair.name} shows the horizon, so its ground has no bounds on the map. Exclude the pair.")

@@ -28,6 +28,7 @@ from orthomill.tasks.geometry.normal_case import (
     border_pixels,
     common_polygon,
     convex,
+    corner_rays,
     in_order,
     normal_case,
     polygon_area,
@@ -40,6 +41,8 @@ _PLACES_ACROSS = 10
 """places across a footprint: coverage is counted to a tenth of a photograph"""
 Places = frozenset[tuple[int, int]]
 """places of a regular grid on the ground, by row and column"""
+_LEAST_DIP = 0.087
+"""sine of 5 degrees below the horizon: the ground of flatter rays lies more than eleven flying heights away"""
 _GREATEST_ROOM = 0.35
 """share of the flying height; higher objects are rarely visible in two photographs, and the parallax range would explode"""
 
@@ -299,9 +302,17 @@ def _pair(
     level, area = wanted
     pair = normal_case(left, right, heights, level)
     pair = pair if area is None else cut_to(pair, area, heights)
+    if _shows_horizon(pair):
+        raise GeometryError("corners of its epipolar images show the horizon, so that its ground has no bounds on the map")
     predicted = row_sigma(pair, block)
     rows = {"row_sigma": predicted, "row_sigma_predicted": predicted}
     return pair.model_copy(update={**rows, "height_sigmas": height_sigmas(pair, block)})
+
+
+def _shows_horizon(pair: EpipolarPair) -> bool:
+    """Whether the ground of the epipolar images, which are wider than what both photographs show of it, ends nowhere."""
+    rays = np.concatenate([corner_rays(pair, "left"), corner_rays(pair, "right")])
+    return bool((rays[:, 2] > -_LEAST_DIP * np.linalg.norm(rays, axis=1)).any())
 
 
 def _name(views: list[View], candidate: Candidate) -> str:

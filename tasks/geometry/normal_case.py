@@ -208,6 +208,14 @@ def normal_case(left: View, right: View, heights: HeightRange, level: int = 0) -
     )
 
 
+def corner_rays(pair: EpipolarPair, side: Side) -> np.ndarray:
+    """World directions (4, 3) of the corners of an epipolar image, scaled so that their depth in the base system is c."""
+    col0, cols = (pair.left_col0, pair.left_cols) if side == "left" else (pair.right_col0, pair.right_cols)
+    x, y = np.array([0, cols - 1]) - col0, pair.row0 - np.array([0, pair.rows - 1])
+    corners = np.stack(np.meshgrid(x, y, [-pair.c]), axis=-1).reshape(-1, 3)
+    return corners @ np.array(pair.rotation)
+
+
 def _grid_pixels(view: View) -> np.ndarray:
     """9 x 9 pixels (81, 2) spread over a photograph."""
     col, row = np.meshgrid(np.linspace(0, view.camera.width - 1, 9), np.linspace(0, view.camera.height - 1, 9))

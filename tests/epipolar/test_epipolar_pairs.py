@@ -10,6 +10,7 @@ from tiny_block import block, photos, tie_points
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import JointCovariance
+from orthomill.tasks.densification.surface_grid import pair_bounds
 from orthomill.tasks.epipolar import row_precision
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
@@ -76,6 +77,19 @@ def test_a_photograph_that_shows_the_horizon_is_named_and_the_others_are_paired(
     pairs = choose_pairs(one.model_copy(update={"photos": (first, *one.photos[1:])}), PairChoice(), 0.08)
     assert "horizon" in dict(pairs.not_used)[first.photo]
     assert len(pairs.pairs) >= 4 and all(first.photo not in (p.left, p.right) for p in pairs.pairs)
+
+
+def test_a_pair_whose_epipolar_images_show_the_horizon_is_left_out_with_the_reason():
+    """About an object on the ground photographs see the ground, and the corners of their common images the sky: one such pair
+    ended the surface of the whole block."""
+    one = block()
+    turned = ((52.0, 0.0, 40.0), (60.0, 0.0, -40.0))
+    tilted = tuple(photo.model_copy(update={"omega_phi_kappa": turned[number % 2]}) for number, photo in enumerate(one.photos))
+    choice = PairChoice(convergence=90.0, scale=9.0, overlap=0.05)
+    pairs = choose_pairs(one.model_copy(update={"photos": tilted}), choice, 0.08)
+    reasons = dict(pairs.not_used)
+    assert any("corners of its epipolar images show the horizon" in reason for reason in reasons.values()), reasons
+    assert all(np.isfinite(pair_bounds(pair, 0.0, 60.0)).all() for pair in pairs.pairs)
 
 
 def test_a_pair_without_common_ground_at_its_mean_height_is_listed_with_the_reason(monkeypatch):

@@ -65,7 +65,7 @@ def _placeless(photos: Photos) -> str | None:
     if guessed and len({photo.position for photo in placed}) > 1 and not tell_apart(placed):
         return (
             "Flight: the positions lie closer together than their standard errors tell apart, so that pattern, overlap and "
-            "accuracy cannot be foreseen; the place on the ground rests on their mean."
+            "accuracy cannot be foreseen, and the block may get neither place nor scale from them."
         )
     return "Flight: all positions are one place, so that pattern, overlap and accuracy cannot be foreseen."
 

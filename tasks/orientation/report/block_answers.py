@@ -6,7 +6,7 @@ Digital Geospatial Data (2014, annex B; edition 2, 2023): 1 for the most accurat
 
 from collections.abc import Iterator
 
-from orthomill.schemas.findings.datum_findings import NoDatum
+from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.orientation.examined.block_facts import Facts
@@ -82,8 +82,13 @@ def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
     """Good where check points say so, fair where nothing independent does, poor where a doubt or the check points contradict it."""
     found, pixel = accuracy(facts.ground.of_role("check")), ground_pixel(facts)
     if found is None and _is_unscaled(facts):
-        words = "Accuracy is not proved, and there is no scale: the block has neither positions nor control nor check points."
-        return Verdict(level="poor", sentence=words, weighs=True)
+        crowded = any(isinstance(finding, PositionsCrowded) for finding in facts.precision.findings)
+        without = (
+            "the positions lie closer together than their standard errors, and there are neither control nor check points"
+            if crowded
+            else "the block has neither positions nor control nor check points"
+        )
+        return Verdict(level="poor", sentence=f"Accuracy is not proved, and there is no scale: {without}.", weighs=True)
     if found is None:
         stated = f" (stated: {length(sigmas[1])} in height)" if (sigmas := point_sigmas(facts)) else ""
         words = f"Accuracy is not proved: there are no check points, only the precision that the adjustment states{stated}."

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from orthomill.schemas.findings.datum_findings import NoDatum
+from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
 from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.orientation.examined.block_numbers import accuracy
 from orthomill.tasks.orientation.report.block_answers import block_lengths, block_verdict, length
@@ -42,3 +42,11 @@ def test_a_block_without_scale_states_no_metres(facts, scaled, told):
     free = replace(facts, ground=ground, precision=facts.precision.model_copy(update={"findings": (NoDatum(scaled=scaled),)}))
     assert block_lengths(free).startswith(told) and bool(block_lengths(free)) != scaled
     assert ("there is no scale" in block_verdict(free, ()).sentence) != scaled
+
+
+def test_positions_that_take_no_part_are_not_told_as_missing(facts):
+    findings = (NoDatum(scaled=False), PositionsCrowded())
+    ground = facts.ground.model_copy(update={"points": ()})
+    crowded = replace(facts, ground=ground, precision=facts.precision.model_copy(update={"findings": findings}))
+    sentence = block_verdict(crowded, ()).sentence
+    assert "closer together than their standard errors" in sentence and "neither positions" not in sentence
