@@ -54,6 +54,10 @@ class CheckOptions:
     """whether an orthoimage is made of the corrected surface"""
     earlier: bool = False
     """whether the surface is of an earlier epoch than the photographs"""
+    area: tuple[float, float, float, float] | None = None
+    """m: west, south, east, north of what is checked, in the system of the answer"""
+    cutline: Path | None = None
+    """polygons of what is checked"""
 
 
 def check_workflow(
@@ -72,7 +76,7 @@ def check_workflow(
     if (options.photos is None) == (options.project is None):
         raise WorkflowError("Give the photographs with --photos FOLDER, or a finished project with --project NAME, one of the two.")
     source = _of_project(options, root, catalogue) if options.project else _of_photos(name, surface, options, root, catalogue)
-    given = {**source, "project": name}
+    given = {**source, "project": name} | _grid(options, root)
     try:
         project = Project.model_validate(given)
         stages = tuple(_stages(surface, options, root, catalogue))
@@ -128,7 +132,19 @@ def _of_project(options: CheckOptions, root: Path, catalogue: tuple[type[Stage],
     if done.cameras.kind == "chessboards":
         # The boards need not be measured again, and photographs without tags have no other camera.
         cameras = {"kind": "file", "path": f"runs/{options.project}/products/camera.json", "serves": done.cameras.serves}
-    return {"crs": done.crs, "photographs": photographs, "cameras": cameras, "positions": {"kind": "none"}, "tile": done.tile}
+    project = {"crs": done.crs, "photographs": photographs, "cameras": cameras, "positions": {"kind": "none"}, "tile": done.tile}
+    # Its cells are those of its own surface; a surface from elsewhere is best checked in the cells that it has.
+    return project | ({"grid": {"kind": "map", "area": done.grid.area}} if done.grid.kind == "map" else {})
+
+
+def _grid(options: CheckOptions, root: Path) -> dict[str, Any]:
+    """Where the surface is checked, if the command line says so. Raises WorkflowError where it says so twice, or names no file."""
+    if options.area is not None and options.cutline is not None:
+        raise WorkflowError("--area and --cutline each say where the surface is checked; give one of them.")
+    if options.cutline is not None and not options.cutline.is_file():
+        raise WorkflowError(f"There are no polygons {shown(options.cutline)}; give a GeoPackage or GeoJSON file.")
+    area = _relative(options.cutline, root) if options.cutline else options.area
+    return {"grid": {"kind": "map", "area": area}} if area else {}
 
 
 def _cameras_of(options: CheckOptions, root: Path) -> Path:

@@ -9,9 +9,11 @@ from tiny_block import EAST, FLYING, HEIGHT, NORTH, block, surface
 
 from orthomill.schemas.epipolar import EpipolarPairs
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.photo import photo_raster
-from orthomill.schemas.raster import MapGrid, RasterSpec
+from orthomill.schemas.project import MapSurface
+from orthomill.schemas.raster import MapGrid, RasterSpec, Window
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, GIVEN_HEIGHT, ORTHO, SURFACE, CheckCode, Provenance
 from orthomill.schemas.surface import HEIGHT as MEASURED_HEIGHT
@@ -21,7 +23,7 @@ from orthomill.tasks.dsm_check.stage import DsmCheckStage, SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface
 from orthomill.tasks.dsm_check.surfaces.placing import place, places
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, surface_shift
-from orthomill.tasks.dsm_check.surfaces.taken_surface import painted_surface, take_file
+from orthomill.tasks.dsm_check.surfaces.taken_surface import InsideArea, painted_surface, take_file
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.texture.stage import TextureStage
@@ -47,6 +49,26 @@ def test_a_surface_elsewhere_is_told_with_its_distance():
         foreign_surface(extent(1.0, EAST + 40_000), block(), PAIRS)
     with pytest.raises(GeometryError, match="No two photographs see common ground"):
         foreign_surface(extent(1.0), block(), EpipolarPairs(pairs=()))
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_an_area_that_is_asked_for_bounds_a_surface_from_elsewhere_to_the_letter(drawn):
+    bounds = EAST - 30.3, NORTH - 20.7, EAST + 40.2, NORTH + 25.2
+    ring = tuple((bounds[i], bounds[j]) for i, j in ((0, 1), (2, 1), (2, 3), (0, 3)))
+    asked = MapSurface(origin=(0.3, 0.3), cell=1.5) if drawn else MapSurface(area=bounds, origin=(0.3, 0.3), cell=1.5)
+    wanted = WantedArea(polygons=((ring,),)) if drawn else None
+    found = foreign_surface(extent(0.6), block(), PAIRS, asked, wanted=wanted)
+    west, south, east, north = bounds
+    grid = found.grid
+    assert grid.cell == 1.5 and (grid.west - 0.3) % 1.5 == pytest.approx(0) and (grid.north - 0.3) % 1.5 == pytest.approx(0)
+    assert west - 1.5 < grid.west <= west and north <= grid.north < north + 1.5
+    assert east <= grid.west + grid.cols * 1.5 < east + 1.5 and south - 1.5 < grid.north - grid.rows * 1.5 <= south
+    assert found.wanted == (wanted or WantedArea())
+
+
+def test_an_area_without_ground_in_common_is_refused_with_its_corners():
+    with pytest.raises(GeometryError, match=r"no ground in common in the area.*x = 410000.*--area"):
+        foreign_surface(extent(1.0), block(), PAIRS, MapSurface(area=(EAST + 10_000, NORTH, EAST + 10_100, NORTH + 100)))
 
 
 def tie_points(shift: float = 0.0) -> GroundPoints:
@@ -148,10 +170,20 @@ def test_holes_take_what_the_photographs_measured_and_nothing_else():
     heights = np.array([[1.0, np.nan, np.nan, np.inf]], np.float32)
     matched = np.array([[9.0, 9.0, 9.0, 9.0]], np.float32)
     codes = np.array([[Provenance.AGREED, Provenance.AGREED, Provenance.INTERPOLATED, Provenance.ONE_PAIR]], np.uint8)
-    taken = take_file(heights, 0.5, matched, codes)
+    everywhere = InsideArea(WantedArea(), GRID, Window(0, 0, 1, 4))
+    taken = take_file(heights, 0.5, everywhere, matched, codes)
     np.testing.assert_array_equal(taken.input, np.array([[1.5, 9.0, np.nan, 9.0]], np.float32))
     np.testing.assert_array_equal(taken.filled, [[0, 1, 0, 1]])
-    assert not take_file(heights, 0.0).filled.any()
+    assert not take_file(heights, 0.0, everywhere).filled.any()
+
+
+def test_outside_of_the_polygons_nothing_is_taken_of_a_file():
+    x, y = GRID.centres(Window(0, 0, 1, 4))
+    ring = ((x[1] - 0.1, y[0] - 1), (x[2] + 0.1, y[0] - 1), (x[2] + 0.1, y[0] + 1), (x[1] - 0.1, y[0] + 1))
+    inside = InsideArea(WantedArea(polygons=((ring,),)), GRID, Window(0, 0, 1, 4))
+    np.testing.assert_array_equal(
+        np.isfinite(take_file(np.ones((1, 4), np.float32), 0.0, inside).input), [[False, True, True, False]]
+    )
 
 
 def checked_file(planted, **choices) -> MemoryProject:

@@ -27,3 +27,10 @@ SystemOf = Annotated[str | None, typer.Option("--system", help="Reference system
 RemoveShift = Annotated[bool, typer.Option("--remove-shift", help="Take a shift of the whole surface out.")]
 Fill = Annotated[bool, typer.Option("--fill", help="Fill holes of the surface by matching of the photographs.")]
 Ortho = Annotated[bool, typer.Option("--ortho", help="Make the orthoimage of the corrected surface as well.")]
+CheckedArea = Annotated[
+    tuple[float, float, float, float] | None,
+    typer.Option("--area", help="Check only there: west, south, east and north, m, in the CRS of the answer."),
+]
+CheckedPolygons = Annotated[
+    Path | None, typer.Option("--cutline", help="Check only inside of polygons (.gpkg, .geojson), in any system.")
+]

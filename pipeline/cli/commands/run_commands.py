@@ -8,7 +8,9 @@ import typer
 
 from orthomill.pipeline.cli.commands.option_types import (
     BlockOf,
+    CheckedArea,
     CheckedFile,
+    CheckedPolygons,
     CrsOf,
     Fill,
     From,
@@ -126,6 +128,8 @@ def check(
     remove_shift: RemoveShift = False,
     fill: Fill = False,
     ortho: Ortho = False,
+    area: CheckedArea = None,
+    cutline: CheckedPolygons = None,
     name: Annotated[str | None, typer.Option(help="Results go to runs/<name>.")] = None,
     workers: Workers = 0,
     memory: Memory = 1500,
@@ -139,7 +143,9 @@ def check(
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
-        given = checking.CheckOptions(photos, project, block, crs, system, remove_shift, fill, ortho=ortho)
+        given = checking.CheckOptions(
+            photos, project, block, crs, system, remove_shift, fill, ortho=ortho, area=area, cutline=cutline
+        )
         loaded = checking.check_workflow(name or checking.check_name(surface), surface, given, Path.cwd(), STAGES)
         run_project(loaded, Options(None, None, workers, memory * MIB, sequential))
 

@@ -19,11 +19,11 @@ from orthomill.tasks.dsm_check.rounds.coarse_levels import (
     finest_surface,
     judge_coarse,
     level_surface,
-    raised,
     start_surface,
 )
 from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift, further_shift, moved_grid, shift_after
+from orthomill.tasks.dsm_check.surfaces.taken_surface import InsideArea, raised
 
 
 def level_pairs(passes: Passes, level: int) -> Job:
@@ -50,7 +50,7 @@ def placing(passes: Passes, view: ProjectView, source: SurfaceFile, look: int, l
     for tile in tiles_of(coarse.grid.shape, passes.tile):
         given = HeightFile(source.path, passes.scene.crs, there, tile.window, source.system)
         out: dict[str, Raster | Table] = {"height": Raster(f"{prefix}/height", tile.window)}
-        how = {"up": up - before.up}
+        how = {"up": up - before.up, "inside": InsideArea(passes.surface.wanted, coarse.grid, tile.window)}
         yield tile_job(item=f"placing-{look}-height", function=raised, reads={"heights": given}, writes=out, params=how, tile=tile)
     yield from _coarse(passes, view, prefix, level, f"{prefix}/height")
     rows, cols = (-(-side // PAIRED) for side in coarse.grid.shape)

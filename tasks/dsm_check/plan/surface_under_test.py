@@ -4,9 +4,10 @@ from collections.abc import Generator, Iterator
 from typing import Any, NamedTuple
 
 from orthomill.schemas.epipolar import PAIRS
-from orthomill.schemas.job import HeightFile, HeightHeader, Job, Raster, Table
+from orthomill.schemas.job import AreaFile, HeightFile, HeightHeader, Job, Raster, Reading, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.surface import CHECKED_SURFACE, HEIGHT, PROVENANCE, SURFACE
@@ -18,7 +19,7 @@ from orthomill.tasks.dsm_check.surfaces.checked_surface import SurfaceFile
 from orthomill.tasks.dsm_check.surfaces.foreign_grid import foreign_surface, measured_surface
 from orthomill.tasks.dsm_check.surfaces.placing import PLACED, place, places
 from orthomill.tasks.dsm_check.surfaces.surface_shift import NO_SHIFT, SurfaceShift, moved_grid, shift_after
-from orthomill.tasks.dsm_check.surfaces.taken_surface import take_file
+from orthomill.tasks.dsm_check.surfaces.taken_surface import InsideArea, take_file
 from orthomill.tasks.dsm_check.tile import take_surface
 
 INPUT = "dsm_check/input"
@@ -44,10 +45,14 @@ def surface_job(asked: DsmCheckStage, view: ProjectView) -> Job:
     if not isinstance(asked.surface, SurfaceFile):
         return Job(stage=asked.kind, item="surface", function=measured_surface, reads={"surface": SURFACE}, writes=writes)
     header = HeightHeader(asked.surface.path, view.project.crs, asked.surface.system)
-    reads: Reads = {"extent": header, "block": BLOCK, "pairs": PAIRS}
+    reads: dict[str, Reading] = {"extent": header, "block": BLOCK, "pairs": PAIRS}
     if view.has_stage("densification"):
         reads["surface"] = SURFACE
-    return Job(stage=asked.kind, item="surface", function=foreign_surface, reads=reads, writes=writes)
+    ground = view.project.grid
+    if file := ground.area_file:
+        reads["wanted"] = AreaFile(file, view.project.crs)
+    params = {"asked": ground if isinstance(ground, MapSurface) else None}
+    return Job(stage=asked.kind, item="surface", function=foreign_surface, reads=reads, writes=writes, params=params)
 
 
 def own_surface(asked: DsmCheckStage, view: ProjectView, grid: MapGrid) -> Iterator[RasterSpec | Job]:
@@ -110,7 +115,7 @@ def surface_from_file(
         if fill:
             reads |= {"matched": Raster(HEIGHT, tile.window), "provenance": Raster(PROVENANCE, tile.window)}
         writes: dict[str, Raster | Table] = {"input": Raster(INPUT, tile.window), "filled": Raster(FILLED, tile.window)}
-        params: dict[str, Any] = {"up": placed.up}
+        params: dict[str, Any] = {"up": placed.up, "inside": InsideArea(passes.surface.wanted, grid, tile.window)}
         yield Job(
             stage=asked.kind,
             item="input",

@@ -19,7 +19,7 @@ from orthomill.tasks.dsm_check.areas import blocks, slopes
 from orthomill.tasks.dsm_check.correction_map import CorrectionNodes
 from orthomill.tasks.dsm_check.coverage import CheckedPairs, choose_checked_pairs
 from orthomill.tasks.dsm_check.rounds.carried import carry
-from orthomill.tasks.dsm_check.tile import NodeWindow, joint_nodes, take_surface
+from orthomill.tasks.dsm_check.tile import NodeWindow, joint_nodes
 from orthomill.tasks.imagery.resampling import between
 
 _REACHED = 0.5
@@ -53,11 +53,6 @@ def reduced_heights(heights: np.ndarray, level: int) -> np.ndarray:
     number = np.isfinite(folded).sum(axis=(1, 3))
     mean = np.nan_to_num(folded).sum(axis=(1, 3)) / np.maximum(number, 1)
     return np.where(number >= _HALF * side**2, mean, np.nan).astype(np.float32)
-
-
-def raised(heights: np.ndarray, up: float) -> np.ndarray:
-    """Heights of a file (rows, cols) float32 m, raised by `up`; NaN where it has none."""
-    return take_surface(heights + np.float32(up))
 
 
 def choose_level_pairs(

@@ -5,12 +5,28 @@ Checked in the height system of the photographs, it is given back in its own: on
 forty metres would hide all others.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from orthomill.schemas.maps.wanted_area import WantedArea
+from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, Provenance
 from orthomill.tasks.dsm_check.tile import take_surface
+
+
+@dataclass(frozen=True)
+class InsideArea:
+    """The cells of a window that lie in the area that is asked for."""
+
+    wanted: WantedArea
+    grid: MapGrid
+    window: Window
+
+    def cut(self, heights: np.ndarray) -> np.ndarray:
+        """Heights (window.shape) float32 m, NaN outside."""
+        return np.where(self.wanted.cells(self.grid, self.window), heights, np.float32(np.nan)).astype(np.float32)
 
 
 class TakenSurface(NamedTuple):
@@ -20,11 +36,16 @@ class TakenSurface(NamedTuple):
     filled: np.ndarray
 
 
+def raised(heights: np.ndarray, up: float, inside: InsideArea) -> np.ndarray:
+    """Heights of a file (rows, cols) float32 m, raised by `up`; NaN where it has none, and outside of the area."""
+    return inside.cut(take_surface(heights + np.float32(up)))
+
+
 def take_file(
-    heights: np.ndarray, up: float, matched: np.ndarray | None = None, provenance: np.ndarray | None = None
+    heights: np.ndarray, up: float, inside: InsideArea, matched: np.ndarray | None = None, provenance: np.ndarray | None = None
 ) -> TakenSurface:
     """Heights (rows, cols) m of a file, raised by `up`; its holes take `matched` heights of the project that were measured."""
-    own = take_surface(heights + np.float32(up))
+    own = raised(heights, up, inside)
     if matched is None or provenance is None:
         return TakenSurface(own, np.zeros(own.shape, np.uint8))
     filled = np.isnan(own) & np.isfinite(matched) & np.isin(provenance, MEASURED)

@@ -66,6 +66,22 @@ def test_a_project_calibrated_with_chessboards_lends_its_camera(root):
     assert made.photographs.path == "runs/town/photographs"
 
 
+def test_the_area_of_a_project_bounds_its_check_and_the_command_line_names_another(root):
+    folder = root / "runs" / "town"
+    (folder / "products").mkdir(parents=True)
+    (folder / "products" / "cameras.json").write_text("{}")
+    text = (PHOTOS.parents[1] / "volos_small.yaml").read_text()
+    (folder / "workflow.yaml").write_text(f"{text}\ngrid: {{kind: map, area: [407900, 4356900, 408100, 4357050], cell: 0.5}}\n")
+    surface = root.parent / "Old Model.tif"
+    made = check_workflow("one", surface, CheckOptions(project="town"), root, STAGES).project
+    assert made.grid.area == (407900, 4356900, 408100, 4357050) and made.grid.cell == "auto"
+    other = CheckOptions(project="town", area=(0, 0, 1, 1))
+    assert check_workflow("one", surface, other, root, STAGES).project.grid.area == (0, 0, 1, 1)
+    (root.parent / "site.geojson").write_text("{}")
+    drawn = check_workflow("one", surface, CheckOptions(photos=PHOTOS, cutline=root.parent / "site.geojson"), root, STAGES)
+    assert str(drawn.project.grid.area).startswith("linked/")
+
+
 def test_a_workflow_of_somebody_else_is_not_overwritten(root):
     (root / "workflows").mkdir()
     (root / "workflows" / "mine.yaml").write_text("project: mine\n")
@@ -81,6 +97,8 @@ def test_a_workflow_of_somebody_else_is_not_overwritten(root):
         (["../Old Model.tif", "--project", "none"], "holds no oriented photographs"),
         (["../Old Model.tif", "--photos", str(PHOTOS), "--block", "no.json"], "There is no block"),
         (["../Old Model.tif", "--photos", str(PHOTOS), "--crs", "EPSG:4326"], "is in degrees"),
+        (["../Old Model.tif", "--photos", str(PHOTOS), "--cutline", "no.gpkg"], "There are no polygons"),
+        (["../Old Model.tif", "--photos", str(PHOTOS), "--area", "5", "5", "1", "9"], "has no inside"),
     ],
 )
 def test_refusals_are_one_sentence(root, monkeypatch, arguments, part):
