@@ -317,6 +317,30 @@ def test_what_no_two_photographs_show_is_told_apart_from_what_could_not_be_judge
     assert "40 % of the measured heights (80 % of those that two photographs show)" in found.verdict.sentence
 
 
+def bent(height: float) -> np.ndarray:
+    """Corrections of a surface with a dome of so many metres, below a pixel of height."""
+    row, col = np.indices(GRID.shape) / np.array(GRID.shape)[:, None, None]
+    return noisy() - height * (1 - 4 * (row - 0.5) ** 2) * (1 - 4 * (col - 0.5) ** 2)
+
+
+def test_agreement_below_a_pixel_is_good_only_as_far_as_the_check_can_see():
+    """A pixel stands for 2 m; blocks are told to 0.2 m, so that 0.93 m would have been found."""
+    assert reported(noisy()).verdict.level == "good"
+    assert reported(bent(1.9)).verdict.level == "fair"
+    sentence = reported(noisy()).verdict.sentence
+    assert "an error of 0.93 m would have been found: of smaller and narrower ones" in sentence and "tells nothing" in sentence
+    assert "errors below 0.93 m are not seen" in reported(noisy()).answers[0].text
+
+
+@pytest.mark.parametrize(("tolerance", "level", "share"), [(1.5, "good", "100 %"), (0.3, "fair", "0 %")])
+def test_a_tolerance_that_the_check_cannot_prove_is_not_good(tolerance, level, share):
+    dh = noisy()
+    coarse = blocks(dh, np.full(dh.shape, 0.2), 8)
+    found = report((tile_counts(dh),), PAIRS, coarse, Blocks(GRID, 8, 3.0, "EPSG:2100", tolerance=tolerance)).report
+    assert found.verdict.level == level
+    assert f"{tolerance} m are allowed: {share} of the judged ground is proved to keep that" in found.verdict.sentence
+
+
 @pytest.mark.parametrize(
     ("up", "words"),
     [

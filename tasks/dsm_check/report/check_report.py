@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid
-from orthomill.schemas.stage_report import Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Picture, Product, StageReport
 from orthomill.schemas.surface import CORRECTED
 from orthomill.tasks.dsm_check.area_map import AreaMap, AreaRule, area_map
 from orthomill.tasks.dsm_check.areas import CoarseBlocks, SuspiciousArea, Trend, fitted_trend, suspicious_areas
@@ -16,6 +16,7 @@ from orthomill.tasks.dsm_check.difference_words import ERRORS, AreaWords
 from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
 from orthomill.tasks.dsm_check.judged_blocks import median_detectable, tolerance_values
 from orthomill.tasks.dsm_check.report.area_words import area_warnings, areas_grid
+from orthomill.tasks.dsm_check.report.check_verdict import Sight, check_answer, check_verdict, percent
 from orthomill.tasks.dsm_check.report.round_words import (
     beyond_warning,
     check_evidence,
@@ -42,8 +43,6 @@ LAST_ROUND = "dsm_check/rounds/{}/last"
 DETECTABLE = "dsm_check/detectable"
 """float32 m: the smallest error that the check would have found, see `correction_map.detectable_error`"""
 _CORRECTED_PRODUCT = (Product(path="products/dsm_corrected.tif", purpose="The surface, corrected by the photographs", main=True),)
-_SEEN = 0.95
-"""share of the heights that two photographs show below which it is told"""
 _SHIFT_LIMIT, _TILT_LIMIT = 0.3, 0.5
 """orthoimage pixels: shift and range of the trend beyond the errors that a sound orientation causes"""
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
@@ -102,13 +101,15 @@ def report(
         of_file = with_pairs_apart(whole_shift(shift, raised, shift.in_plan and not keeps), medians)
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = median_detectable(coarse, blocks.significance)
+    kept = tolerance_values(coarse, blocks.significance, blocks.tolerance)
+    sight = Sight(detectable, blocks.wide, pairs.pixel_height, blocks.tolerance, kept)
     tilts = _tilt_warnings(trend, pairs, detectable)
     shifted = shift_warnings(of_file, not keeps, blocks.grid.cell) if of_file else ()
     told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *shifted)
     losses = (*area_warnings(areas, trend, blocks.words), *beyond_warning(tiles, blocks.grid.cell))
     found = StageReport(
-        verdict=_verdict(tiles, whole, pairs, detectable, blocks),
-        answers=(_answer(tiles, whole, len(areas)),),
+        verdict=check_verdict(tiles, whole, sight, blocks.words),
+        answers=(check_answer(tiles, whole, len(areas), sight),),
         products=(
             Product(path="products/dsm_check.tif", purpose="What the photographs say against the surface, and the surface mended"),
             Product(path="products/dsm_check_areas.geojson", purpose="Areas where photographs and surface disagree"),
@@ -125,8 +126,8 @@ def report(
             | _estimate_values(tiles, pairs)
             | _place_values(trend, areas)
             | shift_values(of_file)
-            | tolerance_values(coarse, blocks.significance, blocks.tolerance)
-            | {"rounds": max(len(rounds), 1), "beyond_reach": _share(sum(t.beyond for t in tiles), sum(t.heights for t in tiles))}
+            | sight.kept
+            | {"rounds": max(len(rounds), 1), "beyond_reach": percent(sum(t.beyond for t in tiles), sum(t.heights for t in tiles))}
         ),
         grids=(
             _pairs_grid(tiles, pairs),
@@ -167,10 +168,6 @@ def _round_picture(rounds: tuple[RoundState, ...], last: int) -> tuple[Picture, 
 
 def _known(value: float, digits: int = 3) -> float | None:
     return round(value, digits) if math.isfinite(value) else None
-
-
-def _share(part: int, of: int) -> float:
-    return round(100 * part / max(of, 1), 2)
 
 
 _LABELS = {
@@ -250,10 +247,10 @@ def _cell_values(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPa
         "dh_nmad": _known(whole.nmad),
         "dh_within_1_sigma": _known(100 * whole.within_1, 1),
         "dh_within_3_sigma": _known(100 * whole.within_3, 1),
-        "checked": _share(checked, heights),
-        "shown": _share(shown, heights),
-        "checked_of_shown": min(_share(checked, shown), 100.0) if shown else None,
-        "changed": _share(changed, heights),
+        "checked": percent(checked, heights),
+        "shown": percent(shown, heights),
+        "checked_of_shown": min(percent(checked, shown), 100.0) if shown else None,
+        "changed": percent(changed, heights),
         "pairs": len(pairs.pairs),
         "pixel_height": _known(pairs.pixel_height),
     }
@@ -263,8 +260,8 @@ def _estimate_values(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> dict
     counts = added([tile.dh_estimates for tile in tiles])
     measured, estimates = (sum(getattr(tile, name) for tile in tiles) for name in ("heights", "estimates"))
     return {
-        "estimates": _share(estimates, measured + estimates),
-        "estimates_compared": _share(counts.number, estimates) if estimates else None,
+        "estimates": percent(estimates, measured + estimates),
+        "estimates_compared": percent(counts.number, estimates) if estimates else None,
         "estimates_dh_nmad": _known(summarised(counts, pairs.pixel_height).nmad),
     }
 
@@ -307,7 +304,7 @@ def _pair_row(pair: CheckedPair, parts: list[PairCounts], pairs: CheckedPairs) -
     tried = sum(sum(part.outcomes) - part.outcomes[Outcome.OUTSIDE] for part in parts)
     lengths = _known(s.mean), _known(s.std), _known(s.median), _known(s.nmad)
     shares = _known(100 * s.within_1, 1), _known(100 * s.within_3, 1)
-    return pair.name, round(pair.base_height, 3), tried, _share(s.number, tried), *lengths, *shares
+    return pair.name, round(pair.base_height, 3), tried, percent(s.number, tried), *lengths, *shares
 
 
 def _pairs_grid(tiles: tuple[TileCounts, ...], pairs: CheckedPairs) -> Grid:
@@ -375,39 +372,12 @@ def _pictures(pairs: CheckedPairs, whole: Summary, words: AreaWords) -> tuple[Pi
     )
 
 
-def _verdict(tiles: tuple[TileCounts, ...], whole: Summary, pairs: CheckedPairs, detectable: float, blocks: Blocks) -> Verdict:
-    heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
-    if not whole.number:
-        return Verdict(level="fair", sentence="Nothing of the surface could be checked against the photographs.", weighs=True)
-    agrees = whole.nmad <= pairs.pixel_height and checked >= 0.5 * heights
-    words = (
-        f"Photographs and surface agree to {whole.nmad:.2g} m (robust spread) where it could be checked, which is "
-        f"{_share(checked, heights):.0f} % of the measured heights"
-    )
-    shown = sum(tile.shown for tile in tiles)
-    if 0 < shown < _SEEN * heights:
-        words += f" ({min(_share(checked, shown), 100.0):.0f} % of those that two photographs show)"
-    if math.isfinite(detectable):
-        width = f", {blocks.wide:.2g} m wide or more," if blocks.wide else ""
-        words += f"; there {blocks.words.one} of {detectable:.2g} m{width} would have been found"
-    return Verdict(level="good" if agrees else "fair", sentence=f"{words}.", weighs=True)
-
-
-def _answer(tiles: tuple[TileCounts, ...], whole: Summary, areas: int) -> Answer:
-    """What the check says to somebody who has asked for nothing else."""
-    if not whole.number:
-        return Answer(topic=Topic.CHECK, text="nothing could be checked")
-    share = _share(sum(tile.checked for tile in tiles), sum(tile.heights for tile in tiles))
-    look = f"{areas} areas to look at" if areas > 1 else "one area to look at" if areas else "no area stands out"
-    return Answer(topic=Topic.CHECK, text=f"agree to {whole.nmad:.2g} m (robust spread) at {share:.0f} % of the heights; {look}")
-
-
 def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs, own: bool) -> Iterator[str]:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     # with less than half of the surface checked the figures above do not speak for the whole
     if checked < 0.5 * heights:
         yield (
-            f"Only {_share(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
+            f"Only {percent(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
             "photographs, has too little texture, or is hidden in one of them. What is said here holds for what was checked."
         )
     # The shift of a surface from a file has a sentence of its own, with its standard error.
