@@ -32,7 +32,8 @@ from orthomill.schemas.orientation import Block
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
 
-_HEAD = "# Written by orthomill check, which writes it anew every time it is called."
+_HEAD = "# Written by orthomill check"
+_WHOLE_HEAD = f"{_HEAD}, which writes it anew every time it is called; so does accept --block."
 _LINKS = "linked"
 """folder for links to files outside of the project's folder"""
 
@@ -86,13 +87,27 @@ def check_workflow(
     return LoadedWorkflow(project, stages, path, root, path.read_text(encoding="utf-8"))
 
 
+def block_workflow(
+    name: str, options: CheckOptions, more: dict[str, Any], root: Path, catalogue: tuple[type[Stage], ...]
+) -> LoadedWorkflow:
+    """The workflow that takes the block of another program as it is, to its orientation; `more`: keys of the project. Raises
+    WorkflowError, and ValidationError for what no project can have."""
+    project = Project.model_validate(_of_photos(name, None, options, root, catalogue) | more | {"project": name})
+    known = {kind_of(stage): stage for stage in catalogue}
+    kinds = ["photos", "calibration", *(["tie_points"] if _examines(options, root) else []), "orientation"]
+    settings = {"orientation": {"exterior": _exterior(_cameras_of(options, root), root)}}
+    stages = tuple(known[kind].model_validate(settings.get(kind, {})) for kind in kinds)
+    path = _written(name, root, workflow_text(project, stages))
+    return LoadedWorkflow(project, stages, path, root, path.read_text(encoding="utf-8"))
+
+
 def _written(name: str, root: Path, text: str) -> Path:
     """workflows/<name>.yaml with the text. Raises WorkflowError rather than overwrite what this command has not written."""
     path = root / "workflows" / f"{name}.yaml"
     if path.exists() and not path.read_text(encoding="utf-8").startswith(_HEAD):
         raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name with --name.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, f"{_HEAD}\n\n{text}".encode())
+    write_whole(path, f"{_WHOLE_HEAD}\n\n{text}".encode())
     return path
 
 
@@ -143,7 +158,7 @@ def _grid(options: CheckOptions, root: Path) -> dict[str, Any]:
         raise WorkflowError("--area and --cutline each say where the surface is checked; give one of them.")
     if options.cutline is not None and not options.cutline.is_file():
         raise WorkflowError(f"There are no polygons {shown(options.cutline)}; give a GeoPackage or GeoJSON file.")
-    area = _relative(options.cutline, root) if options.cutline else options.area
+    area = relative_to(options.cutline, root) if options.cutline else options.area
     return {"grid": {"kind": "map", "area": area}} if area else {}
 
 
@@ -151,13 +166,17 @@ def _cameras_of(options: CheckOptions, root: Path) -> Path:
     return options.block or root / "runs" / str(options.project) / "products" / "cameras.json"
 
 
-def _of_photos(name: str, surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> dict[str, Any]:
+def _of_photos(
+    name: str, surface: Path | None, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]
+) -> dict[str, Any]:
     """The project part that `orthomill init` would write for a folder of photographs."""
     assert options.photos is not None
-    survey = survey_folder(_relative(options.photos, root), root)
-    crs = options.crs or _crs_of_block(options.block) or survey.beside.projected or plan_crs_of(surface) or survey.utm
+    survey = survey_folder(relative_to(options.photos, root), root)
+    crs = options.crs or _crs_of_block(options.block) or survey.beside.projected
+    crs = crs or (plan_crs_of(surface) if surface else None) or survey.utm
     if crs is None:
-        raise WorkflowError(f"Neither {shown(surface)} nor the photographs name a projected system in metres; name one with --crs.")
+        known = f"Neither {shown(surface)} nor the photographs name" if surface else "The photographs do not name"
+        raise WorkflowError(f"{known} a projected system in metres; name one with --crs.")
     check_crs_option(crs)
     text = starting_text(name, survey, catalogue, crs)
     project = {key: value for key, value in yaml.safe_load(text).items() if key != "stages"}
@@ -204,7 +223,7 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
         "dsm_check": {
             "surface": {
                 "kind": "file",
-                "path": _relative(surface, root),
+                "path": relative_to(surface, root),
                 "system": options.system,
                 "shift": "remove" if options.remove_shift else "keep",
                 "holes": "fill" if options.fill else "keep",
@@ -239,7 +258,7 @@ def _exterior(block: Path, root: Path) -> dict[str, Any]:
         raise WorkflowError(
             f"There is no block {shown(block)}; give cameras.json, reconstruction.json, a CSV file or COLMAP's folder."
         )
-    path = _relative(block, root)
+    path = relative_to(block, root)
     if block.is_dir():
         files = {key: f"{path}/{name}.txt" for key, name in (("cameras_path", "cameras"), ("images_path", "images"))}
         return {"kind": "colmap", **files}
@@ -248,7 +267,7 @@ def _exterior(block: Path, root: Path) -> dict[str, Any]:
     return {"kind": "orthomill" if _crs_of_block(block) is not None else "opensfm", "path": path}
 
 
-def _relative(path: Path, root: Path) -> str:
+def relative_to(path: Path, root: Path) -> str:
     """The path relative to the root, by a link where it lies outside: a project names only what is inside."""
     top, full = Path(os.path.abspath(root)), Path(os.path.abspath(path))
     if full.is_relative_to(top):

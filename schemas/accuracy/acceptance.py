@@ -5,9 +5,9 @@ null is not asked for.
 """
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.settings import Settings, setting
@@ -34,6 +34,12 @@ class AcceptanceLimits(Settings):
     latest: str | None = setting(None, "Photographs taken on this day or before.", pattern=r"^\d{4}-\d\d-\d\d$")
     heights_named: bool = setting(False, "Whether the reference system must name what heights refer to.")
 
+    @property
+    def asks(self) -> bool:
+        """Whether there is a clause at all."""
+        limits = (self.plan, self.plan_pixels, self.height, self.pixel, self.voids, self.estimated, self.clipped, self.seams)
+        return self.heights_named or any(limit is not None for limit in (*limits, self.earliest, self.latest))
+
 
 class NoAcceptance(Settings):
     """Nothing was agreed."""
@@ -48,6 +54,16 @@ class AsprsAcceptance(AcceptanceLimits):
     kind: Literal["asprs_2023"]
     points: int = setting(30, "Check points at least at which each product is tested.", ge=0)
     survey_share: float | None = setting(0.5, "Largest share of the survey's own error in the accuracy asked for.", gt=0, le=1)
+
+    @model_validator(mode="after")
+    def _names_a_class(self) -> Self:
+        # The standard names no class for anybody: without one its conditions hold for nothing.
+        if self.plan is None and self.plan_pixels is None and self.height is None:
+            raise ValueError(
+                "the standard leaves the class to those who order; give plan, plan_pixels or height: the root mean square errors "
+                "agreed, e.g. plan: 0.05, height: 0.05"
+            )
+        return self
 
 
 class AdvAcceptance(AcceptanceLimits):
@@ -70,6 +86,12 @@ class CustomAcceptance(AcceptanceLimits):
     """A client's own limits."""
 
     kind: Literal["custom"]
+
+    @model_validator(mode="after")
+    def _asks_for_something(self) -> Self:
+        if not self.asks:
+            raise ValueError("no limit is given, so nothing would be tested; give those that were agreed, e.g. plan: 0.1, voids: 0")
+        return self
 
 
 Acceptance = Annotated[

@@ -65,6 +65,16 @@ def test_profiles_have_their_own_limits():
 
 
 @pytest.mark.parametrize(
+    ("kind", "part"), [("asprs_2023", "leaves the class to those who order"), ("custom", "nothing would be tested")]
+)
+def test_a_profile_that_asks_for_nothing_asks_for_its_limits(kind, part):
+    """Found "0 of 0 clauses missed"."""
+    with pytest.raises(ValidationError, match=part):
+        profile(kind=kind)
+    assert profile(kind="asprs_2023", height=0.1).asks and profile(kind="custom", heights_named=True).asks
+
+
+@pytest.mark.parametrize(
     ("limits", "facts", "clause", "outcome"),
     [
         ({"plan_pixels": 1.0}, stated(0.05), "accuracy in plan", "met"),
@@ -83,7 +93,12 @@ def test_a_client_has_limits_of_his_own(limits, facts, clause, outcome):
 
 
 def test_a_project_names_what_was_agreed():
-    told = {"project": "site", "crs": "EPSG:25832", "photographs": {"kind": "simulated"}, "acceptance": {"kind": "asprs_2023"}}
+    told = {
+        "project": "site",
+        "crs": "EPSG:25832",
+        "photographs": {"kind": "simulated"},
+        "acceptance": {"kind": "asprs_2023", "plan": 1},
+    }
     assert Project.model_validate(told).acceptance.points == 30
 
 

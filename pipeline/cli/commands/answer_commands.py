@@ -1,12 +1,15 @@
 """Commands that answer questions about a finished run, each with its standard error."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from orthomill.pipeline.cli.terminal import Debug, Name, err, out, plain_errors
+
+if TYPE_CHECKING:
+    from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 
 answers = typer.Typer()
 
@@ -96,6 +99,15 @@ def accept(
             help="CSV of check points: name, x, y, z, sigma_x, sigma_y, sigma_z; ortho_x, ortho_y as measured in the image."
         ),
     ] = None,
+    photos: Annotated[Path | None, typer.Option(help="Folder with the photographs of those products.")] = None,
+    block: Annotated[
+        Path | None,
+        typer.Option(help="Their orientation, as for check: the photographs then show where an orthoimage has a point."),
+    ] = None,
+    marks: Annotated[Path | None, typer.Option(help="CSV of the points' marks in the photographs: name, photo, col, row.")] = None,
+    crs: Annotated[str | None, typer.Option(help="Reference system of points and block; by default that of the block.")] = None,
+    plan: Annotated[float | None, typer.Option(help="Root mean square error in plan that was agreed, m.", min=1e-6)] = None,
+    height: Annotated[float | None, typer.Option(help="Root mean square error in height that was agreed, m.", min=1e-6)] = None,
     output: Annotated[Path | None, typer.Option(help="A .json or .html to write besides; a run has both in its folder.")] = None,
     debug: Debug = False,
 ) -> None:
@@ -117,12 +129,20 @@ def accept(
 
     with plain_errors(debug):
         loaded = load_project(name) if name else None
-        if loaded is None and dsm is None and ortho is None:
+        if not (loaded or dsm or ortho or photos or block):
             raise WorkflowError("Give a project that has been run, or files of a delivery with --dsm and --ortho.")
-        limits = profile_of(profile, loaded.project if loaded else None)
+        named = {key: value for key, value in (("plan", plan), ("height", height)) if value is not None}
+        limits = profile_of(profile, loaded.project if loaded else None, named)
         files = Delivered(dsm, ortho, points)
         delivery = " and ".join(path.name for path in (dsm, ortho) if path)
-        if loaded and not (dsm or ortho):
+        if photos or block:
+            if loaded:
+                raise WorkflowError("A project has its photographs and its block; leave --photos and --block out, or the project.")
+            seen = _oriented(dsm or ortho, (photos, block), (points, marks), crs)
+            facts = facts_by_inspector(seen.run_folder, files, seen.project.crs, Inspector, ("check", "control"))
+        elif marks:
+            raise WorkflowError("--marks are in photographs; give these with --photos and their orientation with --block.")
+        elif loaded and not (dsm or ortho):
             facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
         elif loaded:
             facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, Inspector)
@@ -139,3 +159,20 @@ def accept(
             out.print(escape(line), soft_wrap=True)
     if not result.complete:
         raise typer.Exit(3)
+
+
+def _oriented(
+    product: Path | None, seen: tuple[Path | None, Path | None], given: tuple[Path | None, Path | None], crs: str | None
+) -> "LoadedWorkflow":
+    """A block of another program with surveyed points, run to its orientation. Raises WorkflowError."""
+    from orthomill.pipeline.cli.lookups.inspection import inspection_workflow
+    from orthomill.pipeline.cli.progress.project_run import run_project
+    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.schemas.errors import WorkflowError
+    from orthomill.tasks.catalogue import STAGES
+
+    if product is None:
+        raise WorkflowError("Photographs and block inspect products: give these with --dsm and --ortho.")
+    made = inspection_workflow(product, seen, given, crs, Path.cwd(), STAGES)
+    run_project(made, Options(None, None, 0, 1500 * MIB, sequential=True))
+    return made

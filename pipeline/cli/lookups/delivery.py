@@ -45,27 +45,41 @@ class Delivered:
     points: Path | None
 
 
-def profile_of(name: str | None, project: Project | None) -> AcceptanceLimits:
-    """A profile by name, a YAML file with one, or the one of the project. Raises WorkflowError."""
+Limits = dict[str, float]
+"""limits that the command line names, by the name of their setting"""
+
+
+def profile_of(name: str | None, project: Project | None, limits: Limits | None = None) -> AcceptanceLimits:
+    """A profile by name, a YAML file with one, or the one of the project; `limits` replace those that it has. Raises
+    WorkflowError."""
+    agreed = project.acceptance if project else NoAcceptance(kind="none")
     if name is None:
-        if project is None or isinstance(project.acceptance, NoAcceptance):
+        if isinstance(agreed, NoAcceptance):
             raise WorkflowError(
                 "No profile: write acceptance: {kind: asprs_2023, plan: 0.05, height: 0.05} into the workflow, or give --profile."
             )
-        return project.acceptance
+        return _profile("the project's profile", agreed.model_dump() | (limits or {}))
     try:
         given: Any = read_yaml(Path(name).read_text(encoding="utf-8")).value if Path(name).is_file() else {"kind": name}
-        found = TypeAdapter(Acceptance).validate_python(given)
     except YamlError as error:
         raise WorkflowError(f"{name}, line {error.line}: {error.sentence}") from error
-    except ValidationError as error:
-        told = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'kind'}: {e['msg']}" for e in error.errors())
-        raise WorkflowError(
-            f"--profile {name}: {told}. Profiles are asprs_2023, adv_truedop, inspire_oi, custom, or a YAML file of one."
-        ) from error
-    agreed = project.acceptance if project else found
     # The project's own numbers, where it has this profile.
-    chosen = agreed if agreed.kind == found.kind else found
+    if isinstance(given, dict) and given.get("kind") == agreed.kind:
+        given = agreed.model_dump()
+    return _profile(f"--profile {name}", given | (limits or {}) if isinstance(given, dict) else given)
+
+
+def _profile(what: str, given: object) -> AcceptanceLimits:
+    try:
+        chosen = TypeAdapter[Acceptance](Acceptance).validate_python(given)
+    except ValidationError as error:
+        told = "; ".join(
+            f"{'.'.join(map(str, e['loc'])) or 'kind'}: {e['msg'].removeprefix('Value error, ')}" for e in error.errors()
+        )
+        raise WorkflowError(
+            f"{what}: {told}. Profiles are asprs_2023, adv_truedop, inspire_oi, custom, or a YAML file of one; --plan and --height "
+            "name limits as well."
+        ) from error
     if isinstance(chosen, NoAcceptance):
         raise WorkflowError("The profile 'none' asks for nothing; choose asprs_2023, adv_truedop, inspire_oi or custom.")
     return chosen
@@ -75,7 +89,6 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
     """What a finished run delivers."""
     store, ortho = Store(folder), folder / "products" / "ortho.tif"
     picture = orthoimage_facts(ortho) if ortho.exists() else None
-    times = sorted(photo.time for photo in store.table(PHOTOS).photos if photo.time) if store.has_table(PHOTOS) else []
     return DeliveryFacts(
         statement=store.table(STATEMENT) if store.has_table(STATEMENT) else AccuracyStatement(),
         pixel=picture.pixel if picture else None,
@@ -83,10 +96,15 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
         clipped=picture.clipped if picture else None,
         estimated=_estimated(store),
         seams=_seams(folder),
-        first_day=times[0][:10] if times else None,
-        last_day=times[-1][:10] if times else None,
+        **_days(store),
         crs=crs,
     )
+
+
+def _days(store: Store) -> dict[str, str]:
+    """The first and the last day of the photographs, where they say when they were taken."""
+    times = sorted(photo.time for photo in store.table(PHOTOS).photos if photo.time) if store.has_table(PHOTOS) else []
+    return {"first_day": times[0][:10], "last_day": times[-1][:10]} if times else {}
 
 
 def show_acceptance(loaded: LoadedWorkflow) -> None:
@@ -131,9 +149,11 @@ def facts_of_files(delivered: Delivered, inspect: Inspect, make_point: Callable[
     )
 
 
-def facts_by_inspector(folder: Path, delivered: Delivered, crs: str, inspector: Callable[..., Any]) -> DeliveryFacts:
-    """Files of another program at the check points of a run, whose photographs show where an orthoimage has them. Raises StoreError
-    before the run has a block, WorkflowError for files that cannot be read."""
+def facts_by_inspector(
+    folder: Path, delivered: Delivered, crs: str, inspector: Callable[..., Any], roles: tuple[str, ...] = ("check",)
+) -> DeliveryFacts:
+    """Files of another program at the check points of a run (those of these roles), whose photographs show where an orthoimage has
+    them. Raises StoreError before the run has a block, WorkflowError for files that cannot be read."""
     store = Store(folder)
     if not (store.has_table(BLOCK) and store.has_table(CONTROL)):
         raise StoreError(f"{folder.name} has no block yet; run it first: orthomill run {folder.name} --until orientation")
@@ -142,6 +162,7 @@ def facts_by_inspector(folder: Path, delivered: Delivered, crs: str, inspector: 
         store.table(PHOTOS),
         store.table(CONTROL),
         lambda photo, level, window: store.read(photo_raster(photo, level), window),
+        roles,
     )
     picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     surface, image = _heights_in(delivered.dsm, crs), _colours_in(delivered.ortho, crs)
@@ -150,6 +171,7 @@ def facts_by_inspector(folder: Path, delivered: Delivered, crs: str, inspector: 
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
+        **_days(store),
         crs=crs,
     )
 

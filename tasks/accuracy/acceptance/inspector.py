@@ -28,16 +28,18 @@ Read = Callable[[MapGrid, Window], np.ndarray]
 
 @dataclass(frozen=True)
 class Inspector:
-    """What a project knows: block, photographs and control, and `patch`, which reads a window of a level of a photograph."""
+    """What a project knows: block, photographs and control, and `patch`, which reads a window of a level of a photograph; roles: of
+    the points at which products are tested."""
 
     block: Block
     photos: Photos
     control: Control
     patch: Callable[[str, int, Window], np.ndarray]
+    roles: tuple[str, ...] = ("check",)
 
     def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
         """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given."""
-        points = [point for point in self.control.points if point.role == "check"]
+        points = [point for point in self.control.points if point.role in self.roles]
         tests = tuple(self._test(point, surface, ortho) for point in points)
         grid = surface[0] if surface else None
         area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0

@@ -45,6 +45,8 @@ class SurfaceShift(BaseModel):
     blocks: int = 0
     slope: tuple[float, float] = (0.0, 0.0)
     """mean slope to the east and to the north of the blocks that told it"""
+    level_sigma: float | None = None
+    """m: standard error of `level`, which no doubt about a shift in plan enlarges"""
 
     @property
     def level(self) -> float:
@@ -55,7 +57,9 @@ class SurfaceShift(BaseModel):
     def certain(self) -> "SurfaceShift":
         """What is beyond doubt: a shift in height alone unless there is one in plan. Where all of a surface slopes or is bent as a
         whole, one in plan is hardly to be told from one in height."""
-        return self if self.in_plan else SurfaceShift(up=self.level, up_sigma=self.up_sigma, blocks=self.blocks)
+        if self.in_plan:
+            return self
+        return SurfaceShift(up=self.level, up_sigma=self.level_sigma or self.up_sigma, blocks=self.blocks)
 
     def after(self, before: "SurfaceShift") -> "SurfaceShift":
         """The whole shift of a surface that had been moved back by `before` when this was found; as precise as this."""
@@ -176,6 +180,7 @@ def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
         plan_sigma=(float(sigma[1]), float(sigma[2])),
         blocks=len(dh),
         slope=(float(slopes[:, 0].mean()), float(slopes[:, 1].mean())),
+        level_sigma=float(sigma[0]),
     )
 
 

@@ -8,6 +8,9 @@ from orthomill.tasks.dsm_check.surfaces.surface_shift import SurfaceShift
 def whole_shift(placed: SurfaceShift, raised: float, moved: bool) -> SurfaceShift:
     """The shift of a surface as it was given. placed: after it was brought to the tie points; raised: m, by how much it was raised
     for the check; moved: whether it was moved back in plan as well."""
+    if not placed.in_plan:
+        # The shape of a surface, a tilt or a dome, takes the sign of a shift in plan that is not there, and one in height with it.
+        return placed.model_copy(update={"up": -raised, "up_sigma": placed.level_sigma or placed.up_sigma})
     return placed.model_copy(update={"up": (0.0 if moved else placed.up - placed.level) - raised})
 
 

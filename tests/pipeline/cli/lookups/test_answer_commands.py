@@ -20,6 +20,7 @@ from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answ
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.surface import DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
 from orthomill.tasks.lookups import StoredCovariance, SurveyedPoint, accepted, inspected, measure
@@ -101,7 +102,7 @@ def test_covariances_need_a_block_and_points(run, tmp_path):
 
 def test_a_run_is_held_against_a_profile(run):
     facts = facts_of_run(run, "EPSG:2100")
-    result = accepted(profile_of("asprs_2023", None).model_copy(update={"height": 0.1, "estimated": 5.0}), facts, "site")
+    result = accepted(profile_of("asprs_2023", None, {"height": 0.1, "estimated": 5.0}), facts, "site")
     lines = list(acceptance_lines(result))
     assert any(line.startswith("met           estimated heights: 0 %") for line in lines) and "not complete" in lines[-1]
     assert "not testable" in acceptance_page(result)
@@ -116,6 +117,12 @@ def test_profiles_come_from_files_and_mistakes_are_sentences(tmp_path):
         profile_of(str(path), None)
     with pytest.raises(WorkflowError, match="No profile"):
         profile_of(None, None)
+    with pytest.raises(WorkflowError, match="give plan, plan_pixels or height"):
+        profile_of("asprs_2023", None)
+    given = {"project": "site", "crs": "EPSG:25832", "photographs": {"kind": "simulated"}}
+    agreed = Project.model_validate({**given, "acceptance": {"kind": "asprs_2023", "plan": 0.07}})
+    assert profile_of("asprs_2023", agreed).plan == profile_of(None, agreed).plan == 0.07
+    assert profile_of("asprs_2023", agreed, {"plan": 0.1}).plan == 0.1
     with pytest.raises(WorkflowError, match="asks for nothing"):
         profile_of("none", None)
 
