@@ -32,13 +32,14 @@ class AcceptanceLimits(Settings):
     seams: float | None = setting(None, "Mean difference of the colours of photographs at one place, at most.", "grey levels", gt=0)
     earliest: str | None = setting(None, "Photographs taken on this day or later, as 2026-05-31.", pattern=r"^\d{4}-\d\d-\d\d$")
     latest: str | None = setting(None, "Photographs taken on this day or before.", pattern=r"^\d{4}-\d\d-\d\d$")
+    plan_stated: bool = setting(False, "Whether the accuracy in plan must be known from independent points, whatever it is.")
     heights_named: bool = setting(False, "Whether the reference system must name what heights refer to.")
 
     @property
     def asks(self) -> bool:
         """Whether there is a clause at all."""
         limits = (self.plan, self.plan_pixels, self.height, self.pixel, self.voids, self.estimated, self.clipped, self.seams)
-        return self.heights_named or any(limit is not None for limit in (*limits, self.earliest, self.latest))
+        return self.heights_named or self.plan_stated or any(limit is not None for limit in (*limits, self.earliest, self.latest))
 
 
 class NoAcceptance(Settings):
@@ -67,7 +68,8 @@ class AsprsAcceptance(AcceptanceLimits):
 
 
 class AdvAcceptance(AcceptanceLimits):
-    """AdV, product standard of digital orthophotos (DOP20, TrueDOP): pixels of 20 cm, 40 cm in plan, no gaps."""
+    """AdV, product standard of digital orthophotos (DOP20, TrueDOP): pixels of 20 cm, 40 cm in plan, no gaps. The 40 cm are from
+    memory and not from a copy of the standard: put the number of your own copy there."""
 
     kind: Literal["adv_truedop"]
     pixel: float | None = setting(0.2, "Pixel of the orthoimage at most.", "m", gt=0)
@@ -76,10 +78,12 @@ class AdvAcceptance(AcceptanceLimits):
 
 
 class InspireAcceptance(AcceptanceLimits):
-    """INSPIRE, data specification on orthoimagery (D2.8.II.3): no more than two pixels in plan."""
+    """INSPIRE, data specification on orthoimagery (D2.8.II.3, technical guidelines 3.0, 7.1 to 7.3): no pixel missing inside of the
+    outline (recommendation 15), and the accuracy in plan stated, whatever it is (recommendation 14): no limit is given for it."""
 
     kind: Literal["inspire_oi"]
-    plan_pixels: float | None = setting(2.0, "Root mean square error in plan in pixels of the orthoimage, at most.", "px", gt=0)
+    voids: float | None = setting(0.0, "Pixels without colour inside the outline of the orthoimage, at most.", "%", ge=0, le=100)
+    plan_stated: bool = setting(True, "Whether the accuracy in plan must be known from independent points, whatever it is.")
 
 
 class CustomAcceptance(AcceptanceLimits):

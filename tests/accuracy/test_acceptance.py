@@ -58,8 +58,12 @@ def test_one_clause_that_is_not_met_makes_it_incomplete(facts, clause, outcome):
 def test_profiles_have_their_own_limits():
     adv = outcomes(accepted(profile(kind="adv_truedop"), stated(0.05), "it"))
     assert adv == {"accuracy in plan": "met", "pixel of the orthoimage": "met", "voids": "met"}
-    inspire = accepted(profile(kind="inspire_oi"), stated(0.21), "it")
-    assert outcomes(inspire) == {"accuracy in plan": "missed"} and inspire.clauses[0].limit == "0.200 m"
+    inspire = outcomes(accepted(profile(kind="inspire_oi"), stated(0.21), "it"))
+    assert inspire == {"accuracy in plan stated": "met", "voids": "met"}
+    untested = outcomes(accepted(profile(kind="inspire_oi"), DeliveryFacts(voids=1.0), "it"))
+    assert untested == {"accuracy in plan stated": "missed", "voids": "missed"}
+    pixels = accepted(profile(kind="inspire_oi", plan_pixels=2.0), stated(0.21), "it")
+    assert outcomes(pixels)["accuracy in plan"] == "missed" and pixels.clauses[0].limit == "0.200 m"
     with pytest.raises(ValidationError):
         profile(kind="asprs_2023", plan=-1)
 
@@ -78,6 +82,7 @@ def test_a_profile_that_asks_for_nothing_asks_for_its_limits(kind, part):
     ("limits", "facts", "clause", "outcome"),
     [
         ({"plan_pixels": 1.0}, stated(0.05), "accuracy in plan", "met"),
+        ({"plan_stated": True}, DeliveryFacts(), "accuracy in plan stated", "missed"),
         ({"plan_pixels": 0.4}, stated(0.05), "accuracy in plan", "missed"),
         ({"height": 0.1, "survey_share": 0.5}, stated(0.05, survey=0.06), "survey of the check points in height", "missed"),
         ({"seams": 3.0}, DeliveryFacts(seams=4.0), None, "missed"),

@@ -89,6 +89,7 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
     """What a finished run delivers."""
     store, ortho = Store(folder), folder / "products" / "ortho.tif"
     picture = orthoimage_facts(ortho) if ortho.exists() else None
+    first, last = _days(store)
     return DeliveryFacts(
         statement=store.table(STATEMENT) if store.has_table(STATEMENT) else AccuracyStatement(),
         pixel=picture.pixel if picture else None,
@@ -96,15 +97,16 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
         clipped=picture.clipped if picture else None,
         estimated=_estimated(store),
         seams=_seams(folder),
-        **_days(store),
+        first_day=first,
+        last_day=last,
         crs=crs,
     )
 
 
-def _days(store: Store) -> dict[str, str]:
+def _days(store: Store) -> tuple[str, str] | tuple[None, None]:
     """The first and the last day of the photographs, where they say when they were taken."""
     times = sorted(photo.time for photo in store.table(PHOTOS).photos if photo.time) if store.has_table(PHOTOS) else []
-    return {"first_day": times[0][:10], "last_day": times[-1][:10]} if times else {}
+    return (times[0][:10], times[-1][:10]) if times else (None, None)
 
 
 def show_acceptance(loaded: LoadedWorkflow) -> None:
@@ -166,12 +168,14 @@ def facts_by_inspector(
     )
     picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     surface, image = _heights_in(delivered.dsm, crs), _colours_in(delivered.ortho, crs)
+    first, last = _days(store)
     return DeliveryFacts(
         statement=known.statement(surface, image),
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
-        **_days(store),
+        first_day=first,
+        last_day=last,
         crs=crs,
     )
 

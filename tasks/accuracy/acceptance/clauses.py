@@ -27,6 +27,10 @@ def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause
     for kind, words, limit in (("horizontal", "plan", wanted), ("nva", "height", profile.height)):
         if limit is not None:
             yield from _accuracy(facts.statement.of(kind), words, limit, profile)  # type: ignore[arg-type]
+    if profile.plan_stated:
+        known = facts.statement.of("horizontal")
+        told = f"{known.rmse:.3f} m at {known.points} points" if known else _UNTESTED
+        yield Clause(clause="accuracy in plan stated", found=told, limit="stated", outcome=_met(known is not None))
     if profile.plan_pixels and not facts.pixel:
         yield Clause(clause="accuracy in plan", found="no orthoimage", limit=f"{profile.plan_pixels:g} px", outcome="not testable")
     for words, found, limit, unit in (
