@@ -165,7 +165,7 @@ def _oriented(
     product: Path | None, seen: tuple[Path | None, Path | None], given: tuple[Path | None, Path | None], crs: str | None
 ) -> "LoadedWorkflow":
     """A block of another program with surveyed points, run to its orientation. Raises WorkflowError."""
-    from orthomill.pipeline.cli.lookups.inspection import inspection_workflow
+    from orthomill.pipeline.cli.lookups.inspected_block import inspection_workflow
     from orthomill.pipeline.cli.progress.project_run import run_project
     from orthomill.pipeline.engine.running import MIB, Options
     from orthomill.schemas.errors import WorkflowError

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from orthomill.pipeline.cli.lookups.inspection import inspection_workflow
+from orthomill.pipeline.cli.lookups.inspected_block import inspection_workflow
 from orthomill.schemas.errors import WorkflowError
 from orthomill.tasks.catalogue import STAGES
 
