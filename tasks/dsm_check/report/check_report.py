@@ -16,7 +16,7 @@ from orthomill.tasks.dsm_check.difference_words import ERRORS, AreaWords
 from orthomill.tasks.dsm_check.joint_correction import NO_BENDS, PairBends
 from orthomill.tasks.dsm_check.judged_blocks import median_detectable, tolerance_values
 from orthomill.tasks.dsm_check.report.area_words import area_warnings, areas_grid
-from orthomill.tasks.dsm_check.report.check_verdict import Sight, check_answer, check_verdict, percent
+from orthomill.tasks.dsm_check.report.check_verdict import CheckSight, check_answer, check_verdict, percent
 from orthomill.tasks.dsm_check.report.round_words import (
     beyond_warning,
     check_evidence,
@@ -102,7 +102,7 @@ def report(
     trend = trend if level is None else _with_level(trend, level, blocks.grid)
     detectable = median_detectable(coarse, blocks.significance)
     kept = tolerance_values(coarse, blocks.significance, blocks.tolerance)
-    sight = Sight(detectable, blocks.wide, pairs.pixel_height, blocks.tolerance, kept)
+    sight = CheckSight(detectable, blocks.wide, pairs.pixel_height, blocks.tolerance, kept)
     tilts = _tilt_warnings(trend, pairs, detectable)
     shifted = shift_warnings(of_file, not keeps, blocks.grid.cell) if of_file else ()
     told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *shifted)

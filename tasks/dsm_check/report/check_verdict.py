@@ -25,7 +25,7 @@ _PROVED = 95.0
 
 
 @dataclass(frozen=True)
-class Sight:
+class CheckSight:
     """What the check can see: the smallest error that it finds (m, NaN if none), from which width (m) on, and one pixel of height
     (m); the shares of a tolerance, and its size (m), where the survey names one."""
 
@@ -40,7 +40,7 @@ def percent(part: int, of: int) -> float:
     return round(100 * part / max(of, 1), 2)
 
 
-def check_verdict(tiles: tuple[TileCounts, ...], whole: Summary, sight: Sight, words: AreaWords) -> Verdict:
+def check_verdict(tiles: tuple[TileCounts, ...], whole: Summary, sight: CheckSight, words: AreaWords) -> Verdict:
     """The verdict of a check, in one sentence."""
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     if not whole.number:
@@ -68,14 +68,14 @@ def check_verdict(tiles: tuple[TileCounts, ...], whole: Summary, sight: Sight, w
     return Verdict(level="good" if good else "fair", sentence=f"{said}.", weighs=True)
 
 
-def _agrees(tiles: tuple[TileCounts, ...], whole: Summary, sight: Sight) -> bool:
+def _agrees(tiles: tuple[TileCounts, ...], whole: Summary, sight: CheckSight) -> bool:
     limit = min(sight.pixel_height, _NOISE * sight.detectable if math.isfinite(sight.detectable) else 0.0)
     changed, checked = sum(tile.changed for tile in tiles), sum(tile.checked for tile in tiles)
     proved = sight.kept["proved"]
     return whole.nmad <= limit and changed <= _CHANGED * checked and (proved is None or proved >= _PROVED)
 
 
-def check_answer(tiles: tuple[TileCounts, ...], whole: Summary, areas: int, sight: Sight) -> Answer:
+def check_answer(tiles: tuple[TileCounts, ...], whole: Summary, areas: int, sight: CheckSight) -> Answer:
     """What the check says to somebody who has asked for nothing else."""
     if not whole.number:
         return Answer(topic=Topic.CHECK, text="nothing could be checked")
