@@ -66,4 +66,18 @@ def pair_differences_table(row: int, col: int) -> Table[PairDifferences]:
     return Table(f"accuracy/disjoint_pairs/{row}-{col}.parquet", PairDifferences)
 
 
+@dataclass(frozen=True)
+class PhotographDifferences(Columns):
+    """One row for a coordinate of a point that photographs without a common one determined."""
+
+    kind: np.ndarray
+    """int8: 0 two strips, m; 1 a photograph against all others, px"""
+    group: np.ndarray
+    """int32: rows with the same photographs"""
+    difference: np.ndarray
+    promised: np.ndarray
+    """float64: its standard error by the covariances of the block"""
+
+
+PHOTOGRAPH_DIFFERENCES = Table("accuracy/photograph_differences.parquet", PhotographDifferences)
 RELIABILITY = Table("accuracy/reliability.json", Reliability)

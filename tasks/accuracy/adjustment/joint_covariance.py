@@ -23,12 +23,26 @@ _MOVE, _TURN, _CONSTANT, _LENS = 1e-3, 1e-6, 1e-2, 1e-6
 
 
 @dataclass(frozen=True)
-class _Rays:
-    """A point as its photographs determine it: their names, G (3, 6) for each, G (3, 17) by camera, N^-1 (3, 3) m2."""
+class WeighedRays:
+    """A quantity (n,) as its photographs determine it, a point by n = 3 coordinates: G (n, 6) by photograph, G (n, 17) by camera,
+    and the covariance (n, n) of what was measured in the images."""
 
     by_photo: dict[str, np.ndarray]
     by_camera: dict[str, np.ndarray]
     measured: np.ndarray
+
+    def plus(self, other: "WeighedRays", factor: float) -> "WeighedRays":
+        """This and so many times another one that was measured in other photographs."""
+        return WeighedRays(
+            _sum(self.by_photo, other.by_photo, factor),
+            _sum(self.by_camera, other.by_camera, factor),
+            self.measured + factor**2 * other.measured,
+        )
+
+    def seen(self, by: np.ndarray) -> "WeighedRays":
+        """What depends on it by (m, n) derivatives."""
+        photos, cameras = ({name: by @ own for name, own in part.items()} for part in (self.by_photo, self.by_camera))
+        return WeighedRays(photos, cameras, by @ self.measured @ by.T)
 
 
 @dataclass(frozen=True)
@@ -45,26 +59,36 @@ class StoredCovariance:
             return None if own is None else np.array(own)
         return self._joint.get((first, second))
 
-    def rays(self, point: np.ndarray) -> _Rays | None:
+    def rays(self, point: np.ndarray) -> WeighedRays | None:
         """What determines a point (3,); None where fewer than two photographs with a covariance show it."""
         seen = [view for name in self.block.names if (view := self._shows(name, point)) is not None]
         seen = sorted(seen, key=lambda view: -float(view.within(view.project(point[None]))[0]))[:MOST]
-        if len(seen) < 2:
-            return None
-        moves = {view.name: _by_point(view, point) for view in seen}
+        return self.rays_of(point, seen) if len(seen) >= 2 else None
+
+    def rays_of(self, point: np.ndarray, views: list[View]) -> WeighedRays:
+        """A point (3,) m as these photographs, two or more, determine it."""
+        moves = {view.name: by_point(view, point) for view in views}
         normal = np.linalg.inv(sum((b.T @ b for b in moves.values()), np.zeros((3, 3))))
         by_photo: dict[str, np.ndarray] = {}
         by_camera: dict[str, np.ndarray] = {}
-        for view in seen:
+        for view in views:
             back = -normal @ moves[view.name].T
             by_photo[view.name] = back @ self._by_orientation(view, point)
             camera = self.block.of_photo[view.name]
             by_camera[camera] = by_camera.get(camera, np.zeros((3, len(INTERIOR)))) + back @ _by_interior(view, point)
-        return _Rays(by_photo, by_camera, self.pixel**2 * normal)
+        return WeighedRays(by_photo, by_camera, self.pixel**2 * normal)
 
-    def of_points(self, first: _Rays, second: _Rays) -> np.ndarray | None:
-        """Covariance (3, 3) m2 of two points; that of a point with itself for the same rays; None where it is not stored."""
-        total = first.measured.copy() if first is second else np.zeros((3, 3))
+    def ray_past(self, point: np.ndarray, view: View, others: WeighedRays) -> WeighedRays:
+        """How far (2,) px the ray of a photograph goes past a point that others determine."""
+        camera = self.block.of_photo[view.name]
+        by_camera = {camera: _by_interior(view, point)}
+        own = WeighedRays({view.name: self._by_orientation(view, point)}, by_camera, self.pixel**2 * np.eye(2))
+        return own.plus(others.seen(by_point(view, point)), 1.0)
+
+    def of_points(self, first: WeighedRays, second: WeighedRays) -> np.ndarray | None:
+        """Covariance (3, 3) m2 of two points, or (m, n) of what else rays determine; that of a point with itself for the same rays;
+        None where it is not stored."""
+        total = first.measured.copy() if first is second else np.zeros((len(first.measured), len(second.measured)))
         for a, own in first.by_photo.items():
             for b, other in second.by_photo.items():
                 joint = self.of_photos(a, b)
@@ -76,8 +100,8 @@ class StoredCovariance:
             total += cross.T if turned else cross
         return total + self._of_cameras(first, second)
 
-    def _with_cameras(self, photos: _Rays, cameras: _Rays) -> np.ndarray:
-        total = np.zeros((3, 3))
+    def _with_cameras(self, photos: WeighedRays, cameras: WeighedRays) -> np.ndarray:
+        total = np.zeros((len(photos.measured), len(cameras.measured)))
         for name, own in photos.by_photo.items():
             stored = self.block.of(name).with_interior
             for camera, other in cameras.by_camera.items():
@@ -85,8 +109,8 @@ class StoredCovariance:
                     total += own @ np.array(stored[camera]) @ other.T
         return total
 
-    def _of_cameras(self, first: _Rays, second: _Rays) -> np.ndarray:
-        total = np.zeros((3, 3))
+    def _of_cameras(self, first: WeighedRays, second: WeighedRays) -> np.ndarray:
+        total = np.zeros((len(first.measured), len(second.measured)))
         for a, own in first.by_camera.items():
             for b, other in second.by_camera.items():
                 joint = self._camera(a, b)
@@ -126,6 +150,10 @@ class StoredCovariance:
         return _change(pixel, np.zeros(6), np.array([_MOVE] * 3 + [_TURN] * 3))
 
 
+def _sum(first: dict[str, np.ndarray], second: dict[str, np.ndarray], factor: float) -> dict[str, np.ndarray]:
+    return {name: first.get(name, 0.0) + factor * second.get(name, 0.0) for name in {**first, **second}}
+
+
 def _both_ways(entries: Iterable[tuple[str, str, np.ndarray]]) -> dict[tuple[str, str], np.ndarray]:
     out: dict[tuple[str, str], np.ndarray] = {}
     for first, second, covariance in entries:
@@ -133,7 +161,7 @@ def _both_ways(entries: Iterable[tuple[str, str, np.ndarray]]) -> dict[tuple[str
     return out
 
 
-def _by_point(view: View, point: np.ndarray) -> np.ndarray:
+def by_point(view: View, point: np.ndarray) -> np.ndarray:
     """(2, 3): change of the pixel by X, Y, Z of the point."""
     return _change(lambda moved: view.project((point + moved)[None])[0], np.zeros(3), np.full(3, _MOVE))
 

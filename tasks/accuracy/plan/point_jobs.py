@@ -8,10 +8,10 @@ from functools import cached_property
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
 from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
-from orthomill.schemas.accuracy.promised_errors import RELIABILITY, PairDifferences, pair_differences_table
+from orthomill.schemas.accuracy.promised_errors import PHOTOGRAPH_DIFFERENCES, RELIABILITY, PairDifferences, pair_differences_table
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Reading, Table
-from orthomill.schemas.observations import CONTROL, ControlPoint
+from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, ControlPoint
 from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
@@ -23,6 +23,7 @@ from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
+from orthomill.tasks.accuracy.promises.disjoint_photographs import photograph_differences
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 
@@ -58,9 +59,16 @@ class PointJobs:
         differences: tuple[Table[PairDifferences], ...] = tuple(pair_differences_table(tile.row, tile.col) for tile in tiles)
         yield Job(
             stage="accuracy",
+            item="photographs",
+            function=photograph_differences,
+            reads={"block": BLOCK, "rays": IMAGE_RESIDUALS, "points": GROUND_POINTS, "photos": PHOTOS},
+            writes={"differences": PHOTOGRAPH_DIFFERENCES},
+        )
+        yield Job(
+            stage="accuracy",
             item="reliability",
             function=reliability_of,
-            reads={"tests": POINT_TESTS, "ground": GROUND_RESIDUALS, "pairs": differences},
+            reads={"tests": POINT_TESTS, "ground": GROUND_RESIDUALS, "pairs": differences, "photographs": PHOTOGRAPH_DIFFERENCES},
             writes={"reliability": RELIABILITY},
         )
         yield Job(

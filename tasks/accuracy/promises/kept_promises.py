@@ -14,12 +14,21 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from orthomill.schemas.accuracy.point_tests import PointTests
-from orthomill.schemas.accuracy.promised_errors import EXPECTED, MULTIPLES, KeptPromises, PairDifferences, Reliability
+from orthomill.schemas.accuracy.promised_errors import (
+    EXPECTED,
+    MULTIPLES,
+    KeptPromises,
+    PairDifferences,
+    PhotographDifferences,
+    Reliability,
+)
 from orthomill.schemas.orientation import GroundResidual, GroundResiduals
 
 _95 = 1.959964
 _LEAST = 1e-6
 """m: promised errors below it belong to observations that nothing checks"""
+_OF_PHOTOGRAPHS = ("points of one strip, beside those of another", "photographs, left out in turn")
+"""by the kind of `PhotographDifferences`"""
 _ROLES = (
     ("check", "block at check points", True),
     ("control", "control, left out in turn", False),
@@ -27,7 +36,12 @@ _ROLES = (
 )
 
 
-def reliability_of(tests: PointTests, ground: GroundResiduals, pairs: tuple[PairDifferences, ...] = ()) -> Reliability:
+def reliability_of(
+    tests: PointTests,
+    ground: GroundResiduals,
+    pairs: tuple[PairDifferences, ...] = (),
+    photographs: PhotographDifferences | None = None,
+) -> Reliability:
     """The kinds of which a project has observations."""
     heights = [[(p.height_difference, p.height_predicted)] for p in tests.points if p.height_difference is not None]
     places = [_pairs(p.place_difference, p.place_predicted) for p in tests.points if p.place_difference and p.place_predicted]
@@ -38,7 +52,18 @@ def reliability_of(tests: PointTests, ground: GroundResiduals, pairs: tuple[Pair
     found.append(kept("measured distances, left out in turn", False, lengths))
     heights_of_pairs = [[one] for part in pairs for one in zip(part.difference.tolist(), part.promised.tolist(), strict=True)]
     found.append(kept("heights of disjoint pairs, among neighbours", False, heights_of_pairs))
+    if photographs is not None:
+        found += [kept(words, False, _groups(photographs, kind)) for kind, words in enumerate(_OF_PHOTOGRAPHS)]
     return Reliability(kinds=tuple(kind for kind in found if kind is not None))
+
+
+def _groups(found: PhotographDifferences, kind: int) -> list[list[tuple[float | None, float | None]]]:
+    """The (difference, promised) pairs of each group of photographs."""
+    own = np.flatnonzero(found.kind == kind)
+    own = own[np.argsort(found.group[own], kind="stable")]
+    cuts = np.flatnonzero(np.diff(found.group[own])) + 1
+    parts = np.split(own, cuts) if len(own) else []
+    return [list(zip(found.difference[part].tolist(), found.promised[part].tolist(), strict=True)) for part in parts]
 
 
 def kept(kind: str, independent: bool, items: Iterable[Sequence[tuple[float | None, float | None]]]) -> KeptPromises | None:
