@@ -100,8 +100,11 @@ def _apart(one: Bump, other: Bump, room: float) -> bool:
     return bool(np.hypot(one.x - other.x, one.y - other.y) > 1.15 * (one.radius + other.radius) + room)
 
 
-def checked(ground: Ground, heights: np.ndarray, project: Path, root: Path, name: str) -> tuple[dict[str, np.ndarray], float]:
-    """What `orthomill check` says of heights (rows, cols) m: the bands of its product, and its CPU time (s)."""
+def checked(
+    ground: Ground, heights: np.ndarray, project: Path, root: Path, name: str, block: Path | None = None
+) -> tuple[dict[str, np.ndarray], float]:
+    """What `orthomill check` says of heights (rows, cols) m: the bands of its product, and its CPU time (s). block: another
+    orientation than that of the project."""
     (root / "runs").mkdir(exist_ok=True)
     if not (root / "runs" / project.name).exists():
         (root / "runs" / project.name).symlink_to(project.resolve())
@@ -109,8 +112,9 @@ def checked(ground: Ground, heights: np.ndarray, project: Path, root: Path, name
     rows, cols = heights.shape
     with rasterio.open(root / f"{name}.tif", "w", "GTiff", cols, rows, 1, ground.crs, place, "float32", nodata=np.nan) as target:
         target.write(heights.astype(np.float32), 1)
+    oriented = ("--block", str(block)) if block else ()
     before = sum(os.times()[2:4])
-    run = orthomill(root, "check", f"{name}.tif", "--project", project.name, "--name", name, "--sequential")
+    run = orthomill(root, "check", f"{name}.tif", "--project", project.name, "--name", name, "--sequential", *oriented)
     assert not run.code, run.output
     with rasterio.open(root / "runs" / name / "products" / "dsm_check.tif") as product:
         bands = {text.split(" ")[0]: product.read(k + 1).astype(np.float64) for k, text in enumerate(product.descriptions)}
