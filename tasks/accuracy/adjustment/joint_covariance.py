@@ -151,7 +151,8 @@ class StoredCovariance:
 
 
 def _sum(first: dict[str, np.ndarray], second: dict[str, np.ndarray], factor: float) -> dict[str, np.ndarray]:
-    return {name: first.get(name, 0.0) + factor * second.get(name, 0.0) for name in {**first, **second}}
+    scaled = {name: factor * own for name, own in second.items()}
+    return first | {name: first[name] + own if name in first else own for name, own in scaled.items()}
 
 
 def _both_ways(entries: Iterable[tuple[str, str, np.ndarray]]) -> dict[tuple[str, str], np.ndarray]:
