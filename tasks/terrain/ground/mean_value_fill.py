@@ -1,10 +1,12 @@
 """Values inside gaps from those along their border: mean value interpolation, cell by cell.
 
-Strategy. From a cell inside a gap rays go out in all directions; each ends at the first cell with a value. The mean of these
-values, each with the inverse of its distance as weight, takes every plane for what it is and joins the border without a step.
-Nothing beyond `reach` counts, so that a tile with that halo gives the answer of the whole. Over a gap on a hilltop that mean is
-too low, in a valley too high: how much the ground beyond the border bends is told by its slope there, followed back to the cell.
-No hollow is deeper than the lowest place of its border: water would stand in it, and lie flat.
+Strategy. From a cell inside a gap cones go out in all directions; each ends where cells with a value fill its width. The mean of
+these values, each with the inverse of its distance as weight, takes every plane for what it is and joins the border without a step.
+A cone and not a ray: far away neighbouring rays are many cells apart, and a small patch of ground in a large gap, met by one ray
+from here and by none from the next cell, would throw spokes over it. What fills a part of the width counts for that part, and the
+rest of the cone goes on. Nothing beyond `reach` counts, so that a tile with that halo gives the answer of the whole. Over a gap on
+a hilltop that mean is too low, in a valley too high: how much the ground beyond the border bends is told by its slope there,
+followed back to the cell. No hollow is deeper than the lowest place of its border: water would stand in it, and lie flat.
 
 Source: Dyken and Floater (2009), Transfinite mean value interpolation, Computer Aided Geometric Design 26.
 """
@@ -19,7 +21,15 @@ DIRECTIONS = 32
 HALF, QUARTER = DIRECTIONS // 2, DIRECTIONS // 4
 """directions of a half and of a quarter circle"""
 SHORTEST_SLOPE, LONGEST_SLOPE = 6, 24
-"""cells along a ray over which the slope beyond the border is taken: as many as the gap is wide, within these"""
+"""cells along a cone over which the slope beyond the border is taken: as many as the gap is wide, within these"""
+_WIDTH = np.pi / DIRECTIONS
+"""half of the width of a cone, in units of the distance"""
+_WIDEST = LONGEST_SLOPE // 2
+"""cells, half of the greatest width: with the slope beyond it, nothing counts that is twice the longest one beyond the reach"""
+_FULL = 0.95
+"""share of its width at which a cone ends"""
+_UNITS = 2.0**24
+"""of whole numbers to the metre: their sums are exact, so that a tile gives the bits of the whole"""
 
 
 class GapFill(NamedTuple):
@@ -50,68 +60,114 @@ def _open_side(found):
     return min(longest, count)
 
 
+@njit(inline="always")
+def _between(sums, top, bottom, left, right, part):
+    """Writes the sums (K,) of the cells from (top, left) to (bottom, right) into `part`; `sums` (rows + 1, cols + 1, K)."""
+    top, bottom = max(top, 0), min(bottom + 1, sums.shape[0] - 1)
+    left, right = max(left, 0), min(right + 1, sums.shape[1] - 1)
+    for k in range(part.shape[0]):
+        part[k] = sums[bottom, right, k] - sums[top, right, k] - sums[bottom, left, k] + sums[top, left, k]
+
+
+@njit(inline="always")
+def _along(part, r, c, dy, dx):
+    """How far the middle of the known cells of `part` lies from the cell (r, c) along (dy, dx), in cells."""
+    return ((part[1] - part[0] * r) * dy + (part[2] - part[0] * c) * dx) / part[0]
+
+
 @njit()
-def _fill(values, free, places, holes, reach, across, down, filled, distance, open_side, bend):
-    """Fills `filled` (N, bands) m, `distance` in cells, `open_side` in directions and `bend` m (N,) of the cells `places` (N, 2)
-    from `values` (rows, cols, bands), known where `free` (rows, cols), the cells to the nearest known one along rows, columns and
-    diagonals, is 0; rays go along (across, down) (K,), in cells, up to `reach`; `holes` (N,) bool are left as they are where a
+def _fill(sums, free, places, holes, reach, across, down, filled, distance, open_side, bend):
+    """Fills `filled` (N, bands) m, `distance` in cells, `open_side` in directions and `bend` m (N,) of the cells `places` (N, 2).
+
+    sums (rows + 1, cols + 1, 3 + bands) int64 as of `_summed`; `free` (rows, cols) the cells to the nearest known one along rows,
+    columns and diagonals; cones go along (across, down) (K,), up to `reach` cells; `holes` (N,) bool are left as they are where a
     quarter of the directions is open."""
-    rows, cols, bands = values.shape
-    count = across.shape[0]
+    rows, cols = free.shape
+    bands, count = sums.shape[2] - 3, across.shape[0]
     found, total, sides = np.zeros(count, np.bool_), np.zeros(bands), np.zeros(4)
+    part, beyond = np.zeros(3 + bands, np.int64), np.zeros(3 + bands, np.int64)
     for n in range(places.shape[0]):
         r, c = places[n]
         weights, followed, lowest, missed = 0.0, 0.0, np.inf, 0
         total[:] = 0.0
         sides[:] = 0.0
         for k in range(count):
-            # Along the longer axis a step is one cell, so that a ray misses none on its way.
+            # Along the longer axis a step is one cell, so that a cone misses none on its way; across it lies its width.
             longer = max(abs(across[k]), abs(down[k]))
             dx, dy = across[k] / longer, down[k] / longer
-            length = np.sqrt(dx * dx + dy * dy)
-            last = int(reach / length)
-            found[k] = False
-            # No known cell is nearer than `free`, in any direction.
-            i = max(1, int(free[r, c]))
-            while i <= last:
+            level = abs(dx) >= abs(dy)
+            widening = _WIDTH / longer**2
+            last = int(reach * longer)
+            rest, i = 1.0, 1
+            while i <= last and rest > 1.0 - _FULL:
                 y, x = r + int(np.rint(i * dy)), c + int(np.rint(i * dx))
                 if not (0 <= y < rows and 0 <= x < cols):
                     break
-                if free[y, x] > 0.0:
-                    i += int(free[y, x])
+                half = min(int(i * widening + 0.5), _WIDEST)
+                # No known cell is nearer than `free`, in any direction.
+                if free[y, x] > half:
+                    i += 1 + int((free[y, x] - 1 - half) / (1.0 + widening))
                     continue
-                weight = 1.0 / (i * length)
-                for b in range(bands):
-                    total[b] += weight * values[y, x, b]
+                v, u = (half, 0) if level else (0, half)
+                _between(sums, y - v, y + v, x - u, x + u, part)
+                i += 1
+                if part[0] == 0:
+                    continue
+                width = 2.0 * half + 1.0
+                seen = part[0] / width
+                left = min(1.0 - seen, rest * (1.0 - seen / width))
+                if left >= rest:
+                    continue
+                share, rest = rest - left, left
+                away = max(_along(part, r, c, down[k], across[k]), 1.0)
+                weight = share / away
                 weights += weight
-                lowest = min(lowest, values[y, x, 0])
+                height = part[3] / part[0]
+                lowest = min(lowest, height)
+                for b in range(bands):
+                    total[b] += weight * (part[3 + b] / part[0])
                 if bands > 1:
-                    sides[4 * k // count] += weight * values[y, x, 1]
-                found[k] = True
-                base = min(max(i, SHORTEST_SLOPE), LONGEST_SLOPE)
-                for j in range(i + base, i + 2 * base):
-                    v, u = r + int(np.rint(j * dy)), c + int(np.rint(j * dx))
-                    if not (0 <= v < rows and 0 <= u < cols):
-                        break
-                    if free[v, u] == 0.0:
-                        followed += weight * (values[y, x, 0] - values[v, u, 0]) * i / (j - i)
-                        break
-                break
+                    sides[4 * k // count] += weight * (part[4] / part[0])
+                base = min(max(i - 1, SHORTEST_SLOPE), LONGEST_SLOPE)
+                j = i - 1 + base + base // 2
+                v, u = r + int(np.rint(j * dy)), c + int(np.rint(j * dx))
+                if 0 <= v < rows and 0 <= u < cols:
+                    wide = max(half, base // 4)
+                    _between(sums, v - wide, v + wide, u - wide, u + wide, beyond)
+                    if beyond[0] > 0:
+                        step = _along(beyond, r, c, down[k], across[k]) - away
+                        if 2.0 * step > base:
+                            followed += weight * (height - beyond[3] / beyond[0]) * away / step
+            found[k] = rest < 0.5
             missed = 0 if found[k] else missed + 1
             if holes[n] and missed >= QUARTER:
                 weights = 0.0
                 break
         if weights > 0.0:
             for b in range(bands):
-                filled[n, b] = total[b] / weights
+                filled[n, b] = total[b] / weights / _UNITS
             if bands > 1:
                 # Neighbours share their errors, the sides of a gap do not.
-                filled[n, 1] = np.sqrt((sides * sides).sum()) / weights
+                filled[n, 1] = np.sqrt((sides * sides).sum()) / weights / _UNITS
             distance[n] = count / weights
             open_side[n] = _open_side(found)
-            bend[n] = followed / weights
+            bend[n] = followed / weights / _UNITS
             if open_side[n] < HALF:
-                bend[n] = max(bend[n], lowest - filled[n, 0])
+                bend[n] = max(bend[n], lowest / _UNITS - filled[n, 0])
+
+
+def _summed(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Sums (rows + 1, cols + 1, 3 + bands) int64 over all cells above and to the left: the count of known cells, their rows,
+    columns and values, in whole units."""
+    rows, cols, bands = values.shape
+    sums = np.zeros((rows + 1, cols + 1, 3 + bands), np.int64)
+    of_cell = sums[1:, 1:]
+    of_cell[..., 0] = known
+    of_cell[..., 1] = known * np.arange(rows)[:, None]
+    of_cell[..., 2] = known * np.arange(cols)
+    for band in range(bands):
+        of_cell[..., 3 + band][known] = np.rint(values[..., band][known].astype(np.float64) * _UNITS)
+    return sums.cumsum(axis=0, out=sums).cumsum(axis=1, out=sums)
 
 
 def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: int, holes: np.ndarray | None = None) -> GapFill:
@@ -128,6 +184,7 @@ def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: 
     free = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_C, 3) if known.any() else np.full(known.shape, reach + 1.0)
     own = filled[at], distance[at], open_side[at], bend[at]
     inside = np.zeros(len(at[0]), bool) if holes is None else holes[at]
-    _fill(filled, np.asarray(free, np.float32), np.column_stack(at), inside, float(reach), np.cos(angle), np.sin(angle), *own)
+    rays = np.cos(angle), np.sin(angle)
+    _fill(_summed(filled, known), np.asarray(free, np.float32), np.column_stack(at), inside, float(reach), *rays, *own)
     filled[at], distance[at], open_side[at], bend[at] = own
     return GapFill(filled, distance, open_side, bend)
