@@ -13,6 +13,8 @@ class TerrainSums(BaseModel):
 
     cells: tuple[int, ...]
     squares: tuple[float, ...]
+    relative: float
+    """m2, of measured ground: the sum of the squares of its standard errors against the ground around"""
     classes: tuple[int, ...]
     tallest: float
     """m above the ground; 0 where nothing is"""
@@ -22,7 +24,7 @@ class TerrainSums(BaseModel):
 
 
 def sums_of_tile(
-    height: np.ndarray, precision: np.ndarray, code: np.ndarray, cell_class: np.ndarray, above: np.ndarray
+    height: np.ndarray, precision: np.ndarray, relative: np.ndarray, code: np.ndarray, cell_class: np.ndarray, above: np.ndarray
 ) -> TerrainSums:
     """The sums of rasters (rows, cols)."""
     count, classes = len(TerrainCode), max(CellClass) + 1
@@ -32,6 +34,7 @@ def sums_of_tile(
     return TerrainSums(
         cells=tuple(np.bincount(code.ravel(), minlength=count).tolist()),
         squares=tuple(squares.tolist()),
+        relative=float((relative[code == TerrainCode.MEASURED].astype(np.float64) ** 2).sum()),
         classes=tuple(np.bincount(cell_class.ravel(), minlength=classes).tolist()),
         tallest=round(float(np.nanmax(standing)), 3) if len(standing) else 0.0,
         lowest=float(ground.min()) if len(ground) else None,

@@ -31,7 +31,8 @@ _ROOF_RIM = 8
 
 @dataclass(frozen=True)
 class TerrainRules:
-    """How ground is found: cell of the surface and cells along a block (m, count), the settings of the stage in m and as ratios."""
+    """How ground is found: cell of the surface and cells along a block (m, count), the settings of the stage in m and as ratios,
+    the shorter side of the map (m)."""
 
     cell: float
     factor: int
@@ -40,6 +41,7 @@ class TerrainRules:
     steepest: float
     roughness: float
     reach: float
+    extent: float
 
     @property
     def block(self) -> float:
@@ -88,8 +90,8 @@ class TerrainRules:
 
     @property
     def shift(self) -> int:
-        """By how much the pattern of gaps is moved to hide ground, blocks: beyond the objects themselves."""
-        return round(1.5 * self.widest / self.block)
+        """By how much the pattern of gaps is moved to hide ground, blocks: beyond the objects, but not beyond the map."""
+        return max(round(min(1.5 * self.widest, self.extent / 4.0) / self.block), 1)
 
     @property
     def rise(self) -> float:
@@ -107,6 +109,7 @@ class TerrainTile(NamedTuple):
 
     height: np.ndarray
     precision: np.ndarray
+    relative: np.ndarray
     code: np.ndarray
     above: np.ndarray
     cell_class: np.ndarray
@@ -188,7 +191,7 @@ def terrain_tile(
     roof = roof_cells(above, sigma, measured, rules.cell, rules.roofs)
     codes = terrain_codes(np.isfinite(found.height), found.measured, found.bridged, np.nan_to_num(above), roof)
     precision = np.hypot(found.sigma, found.datum)
-    whole = TerrainTile(found.height, precision, codes, above.astype(np.float32), cell_classes(codes, above, measured))
+    whole = TerrainTile(found.height, precision, found.sigma, codes, above.astype(np.float32), cell_classes(codes, above, measured))
     inner = core.within(windows[0]).slices
     wanted = surface.wanted.cells(surface.grid, core)
     own = TerrainTile(*(values[inner] for values in whole))

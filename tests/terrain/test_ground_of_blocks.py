@@ -49,6 +49,17 @@ def test_a_roof_beside_which_nothing_was_measured_is_an_island_and_a_courtyard_i
     assert stands[:12, 30:45].all() and not stands[54:58, 24:28].any() and stands.sum() == 12 * 15
 
 
+def test_a_glimpse_into_a_wide_gap_may_rise_half_as_much_as_land():
+    """One crown that was measured in a wood became a hill of four metres."""
+    z = np.full((80, 80), 10.0, np.float32)
+    z[15:65, 15:65] = np.nan
+    glimpse = z.copy()
+    glimpse[39:41, 39:41] = 12.5
+    rises = (1.2, 0.15, 0.2)
+    assert standing_islands(np.isfinite(glimpse), glimpse, 60, rises)[39:41, 39:41].all()
+    assert not standing_islands(np.isfinite(z), np.minimum(glimpse, 11.5), 60, rises).any()
+
+
 def test_a_block_that_ground_and_a_roof_share_has_the_height_of_the_ground():
     heights = np.full((8, 8), 10.0, np.float32)
     heights[:, 4:] = 16.0

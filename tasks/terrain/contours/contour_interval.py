@@ -1,7 +1,8 @@
 """Which contours the terrain can bear.
 
 Source: a map is accurate to an interval if nine of ten heights are within half of it (National Map Accuracy Standards, 1947): the
-interval is 3.3 standard errors.
+interval is 3.3 standard errors. Of the shape of the ground: what a block without control is off as a whole moves all contours
+alike, and would leave a field of a hectare without any.
 """
 
 import numpy as np
@@ -27,13 +28,13 @@ class ContourInterval(BaseModel):
 
     interval: float
     sigma: float | None
-    """root mean square of the standard errors of measured ground, m; None where none was measured"""
+    """root mean square of the standard errors of measured ground against the ground around, m; None where none was measured"""
 
 
 def contour_interval(sums: tuple[TerrainSums, ...], asked: float | None) -> ContourInterval:
     """The interval that is `asked` for, m; None: the least round one that the measured ground of all tiles bears."""
     cells = sum(tile.cells[TerrainCode.MEASURED] for tile in sums)
-    sigma = float(np.sqrt(sum(tile.squares[TerrainCode.MEASURED] for tile in sums) / cells)) if cells else None
+    sigma = float(np.sqrt(sum(tile.relative for tile in sums) / cells)) if cells else None
     if asked is not None:
         return ContourInterval(interval=asked, sigma=sigma)
     low = [tile.lowest for tile in sums if tile.lowest is not None]

@@ -1,7 +1,8 @@
 """Contours of a tile: smoothed within the standard error of the ground, cut where the ground was not measured.
 
 Strategy. The heights are smoothed by a Gaussian, but no cell is moved by more than its own standard error: a contour wanders
-within what is not known, and no farther. Tiles share the row of cells between them, where the lines of both end in the same points.
+within what is not known of the shape of the ground, and no farther. Tiles share the row of cells between them, where the lines of
+both end in the same points.
 """
 
 from dataclasses import dataclass
@@ -52,18 +53,19 @@ def smoothed(height: np.ndarray, sigma: np.ndarray) -> np.ndarray:
 def contour_pieces(
     height: np.ndarray,
     precision: np.ndarray,
+    relative: np.ndarray,
     code: np.ndarray,
     interval: ContourInterval,
     grid: MapGrid,
     windows: tuple[Window, Window],
 ) -> ContourPieces:
-    """The contours at multiples of the interval of the cells of the second of the windows; height, precision (m) and code (rows,
-    cols) cover the first."""
+    """The contours at multiples of the interval of the cells of the second of the windows; height, precision, relative (m) and code
+    (rows, cols) cover the first."""
     import contourpy
 
     outer, core = windows
     inner, step = core.within(outer).slices, interval.interval
-    z = smoothed(height, precision)[inner]
+    z = smoothed(height, relative)[inner]
     if min(z.shape) < 2 or not np.isfinite(z).any():
         return _no_pieces()
     x, y = grid.centres(core)

@@ -3,13 +3,17 @@
 Strategy. A filter that takes no cell without a height for evidence leaves a roof at the border of the map, and crowns in a wood, as
 they are: nothing lower is next to them. Cells of ground that continue each other are one patch. The land is wider than the widest
 object; a patch that is not, and lies above the ground that follows from the land around it by more than ground can rise over that
-distance, is none.
+distance, is none. One that is narrower than the gap around it is a glimpse, as likely of a crown as of the ground below: it may rise
+half as much.
 """
 
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.terrain.ground.mean_value_fill import fill_gaps
+
+GLIMPSE = 0.5
+"""how much a patch narrower than its gap may rise, in units of what a wider one may"""
 
 
 @njit()
@@ -50,9 +54,11 @@ def standing_islands(ground: np.ndarray, heights: np.ndarray, widest: int, rises
     label = np.zeros(ground.shape, np.int32)
     extents = np.zeros(int(ground.sum()), np.int64)
     count = _patches(ground, heights, np.float32(rises[0]), label, np.zeros(ground.size, np.int64), extents)
-    small = np.concatenate([[False], extents[:count] <= widest])[label] & ground
+    extent = np.concatenate([[0], extents[:count]])[label]
+    small = ground & (extent <= widest)
     land = ground & ~small
     fill = fill_gaps(heights[..., None], land, small, widest)
+    growth = np.where(extent < fill.distance, GLIMPSE * rises[1], rises[1])
     with np.errstate(invalid="ignore"):
-        above = heights - fill.values[..., 0] > rises[1] * fill.distance + rises[2]
+        above = heights - fill.values[..., 0] > growth * fill.distance + rises[2]
     return small & np.isfinite(fill.distance) & above

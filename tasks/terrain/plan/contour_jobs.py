@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_LINES, TERRAIN_PRECISION
+from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_LINES, TERRAIN_PRECISION, TERRAIN_RELATIVE
 from orthomill.schemas.job import Export, Job, Raster, Table
 from orthomill.schemas.raster import MapGrid, Tile, Window
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
@@ -49,7 +49,7 @@ def _pieces(grid: MapGrid, tile: Tile) -> Job:
     window = tile.window
     core = Window(window.row, window.col, window.height + 1, window.width + 1).clipped(grid.shape)
     outer = core.grown(HALO).clipped(grid.shape)
-    names = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE}
+    names = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "relative": TERRAIN_RELATIVE, "code": TERRAIN_CODE}
     return Job(
         stage="terrain",
         item="contours",

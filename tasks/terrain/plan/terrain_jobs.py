@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import nan
 
-from orthomill.schemas.bare_ground import ABOVE_GROUND, CELL_CLASS, TERRAIN, TERRAIN_CODE, TERRAIN_PRECISION, point_classes_table
+from orthomill.schemas.bare_ground import (
+    ABOVE_GROUND,
+    CELL_CLASS,
+    TERRAIN,
+    TERRAIN_CODE,
+    TERRAIN_PRECISION,
+    TERRAIN_RELATIVE,
+    point_classes_table,
+)
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
@@ -55,6 +63,7 @@ BLOCK_AXES = ("block_y", "block_x")
 _CELL_RASTERS = {
     "height": TERRAIN,
     "precision": TERRAIN_PRECISION,
+    "relative": TERRAIN_RELATIVE,
     "code": TERRAIN_CODE,
     "above": ABOVE_GROUND,
     "cell_class": CELL_CLASS,
@@ -87,6 +96,7 @@ class TerrainJobs:
             steepest=asked.steepest,
             roughness=asked.roughness,
             reach=asked.max_gap,
+            extent=self.grid.cell * min(self.grid.shape),
         )
 
     @cached_property
@@ -126,14 +136,14 @@ class TerrainJobs:
         if isinstance(self.settings.contours, DrawContours):
             yield from contour_jobs(self.settings.contours, self.grid, self.tiles, self._sums_tables)
         yield self._report()
-        bands = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE}
+        bands = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE, "relative": TERRAIN_RELATIVE}
         yield Export("terrain", "terrain", "products/terrain.tif", "cog", bands)
         yield Export("terrain", "above", "products/height_above_ground.tif", "cog", {"above": ABOVE_GROUND})
         yield Export("terrain", "classes", "products/classes.tif", "cog", {"class": CELL_CLASS})
 
     def _rasters(self) -> Iterator[RasterSpec]:
         grid, crs, size = self.grid, self.view.table(BLOCK).crs, self.view.project.tile
-        for name in (TERRAIN, TERRAIN_PRECISION, ABOVE_GROUND):
+        for name in (TERRAIN, TERRAIN_PRECISION, TERRAIN_RELATIVE, ABOVE_GROUND):
             yield map_raster(name, grid, "float32", crs, size, nodata=nan, unit="m")
         for name in (TERRAIN_CODE, CELL_CLASS):
             yield map_raster(name, grid, "uint8", crs, size, nodata=0)
@@ -181,7 +191,7 @@ class TerrainJobs:
         reads = {"blocks": Raster(BLOCKS, window), "kept": Raster(KEPT, window)}
         params = {"window": window, "core": core, "rules": self.rules}
         # Numbers and extents of patches, and what waits to be numbered.
-        return self._job(tile, "ground", ground_of_tile, reads, {"ground": Raster(GROUND, core)}, params, 72 * window.cells)
+        return self._job(tile, "ground", ground_of_tile, reads, {"ground": Raster(GROUND, core)}, params, 136 * window.cells)
 
     def _told(self, tile: Tile) -> Job:
         core, shift = self._core(tile), self.rules.shift
@@ -192,7 +202,7 @@ class TerrainJobs:
             reads["moved"] = Raster(GROUND, moved)
         writes = {"samples": _samples_table(tile), "expected": Raster(EXPECTED, core)}
         params = {"window": window, "core": core, "rules": self.rules}
-        return self._job(tile, "told", tell_of_tile, reads, writes, params, 96 * window.cells)
+        return self._job(tile, "told", tell_of_tile, reads, writes, params, 192 * window.cells)
 
     def _bridge(self, tile: Tile) -> Job:
         core = self._core(tile)
@@ -205,7 +215,7 @@ class TerrainJobs:
         }
         writes = {"bare": Raster(BARE, core), "open_side": Raster(OPEN_SIDE, core)}
         params = {"window": window, "core": core, "rules": self.rules}
-        return self._job(tile, "bridge", bridge_tile, reads, writes, params, 120 * window.cells)
+        return self._job(tile, "bridge", bridge_tile, reads, writes, params, 240 * window.cells)
 
     def _cells(self, tile: Tile) -> Job:
         window = tile.window.grown(self.rules.roofs.halo).clipped(self.grid.shape)
@@ -225,8 +235,8 @@ class TerrainJobs:
         return self._job(tile, "points", classify_points, reads, writes, params, 120 * tile.window.cells)
 
     def _sums(self, tile: Tile) -> Job:
-        reads = {key: Raster(_CELL_RASTERS[key], tile.window) for key in ("height", "precision", "code", "cell_class", "above")}
-        scratch = 24 * tile.window.cells
+        reads = {key: Raster(name, tile.window) for key, name in _CELL_RASTERS.items()}
+        scratch = 32 * tile.window.cells
         return self._job(tile, "sums", sums_of_tile, reads, {"sums": _sums_table(tile)}, {}, scratch)
 
     @property

@@ -155,7 +155,7 @@ def _figures(totals: _TerrainTotals, errors: FillErrors, facts: TerrainFacts) ->
 
 def _contour_figures(interval: ContourInterval | None) -> Iterator[Figure]:
     if interval is not None:
-        why = "Interval of the contours: nine of ten points of measured ground lie within half of it."
+        why = "Interval of the contours: nine of ten points of measured ground lie within half of it, but for what all share."
         yield Figure(name="contour_interval", value=interval.interval, unit="m", sentence=why)
 
 
