@@ -7,6 +7,7 @@ import numpy as np
 
 from orthomill.schemas.job import Columns, Table
 from orthomill.schemas.maps.map_lines import MapLines
+from orthomill.schemas.raster import Tile, tiles_of
 
 TERRAIN = "terrain/height"
 """float32 m: height of the bare ground, NaN beyond the surface and where no ground is near"""
@@ -101,4 +102,15 @@ class ContourLines(MapLines):
     """float64 m: root mean square of the standard errors of the ground along the line"""
 
 
-TERRAIN_LINES = Table("terrain/contours.parquet", ContourLines)
+CONTOUR_SHEET = 4096
+"""cells along a sheet of contours, about: lines are joined within a sheet, so that memory does not grow with the map"""
+
+
+def contour_sheets(shape: tuple[int, ...], tile: int) -> tuple[Tile, ...]:
+    """The sheets of a terrain of `shape` cells: whole tiles (of `tile` cells) together; most terrains are one sheet."""
+    return tuple(tiles_of(shape, max(CONTOUR_SHEET // tile, 1) * tile))
+
+
+def terrain_lines_table(sheet: Tile) -> Table[ContourLines]:
+    """The contours of a sheet."""
+    return Table(f"terrain/contours/sheet_{sheet.row}-{sheet.col}.parquet", ContourLines)

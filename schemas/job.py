@@ -193,7 +193,7 @@ class Export:
     `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "png", "laz" (the rows of `tables`, or
     the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
     "text", "bytes" (the content of the one table of `tables`, a `FileBytes`), "xyz" (X, Y and the first band of the one raster as
-    text, a line for every cell with a value), "gpkg", "dxf" or "geojson" (the lines of the one table, a `MapLines`, in the
+    text, a line for every cell with a value), "gpkg", "dxf" or "geojson" (the lines of the tables, of `MapLines`, in the
     reference system of the raster "place"), "map" (a page for a browser from a `MapPage`, and lines to be drawn on it),
     "areas" (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`).
     """

@@ -13,8 +13,15 @@ from scipy import ndimage
 
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.storage.store import Store
-from orthomill.schemas.bare_ground import TERRAIN_CODE, TERRAIN_CODES, TERRAIN_LINES, TERRAIN_PRECISION, TerrainCode
-from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.bare_ground import (
+    CONTOUR_SHEET,
+    TERRAIN_CODE,
+    TERRAIN_CODES,
+    TERRAIN_PRECISION,
+    TerrainCode,
+    terrain_lines_table,
+)
+from orthomill.schemas.raster import MapGrid, tiles_of
 from orthomill.schemas.surface import SURFACE
 from orthomill.schemas.truth import TRUTH_GRID, TRUTH_GROUND
 
@@ -34,7 +41,9 @@ class Vertices(NamedTuple):
 def vertices_of(run: Path) -> Vertices:
     """Of the contours of a finished run; those beyond the truth are left out."""
     store = Store(run)
-    lines, grid, truth = store.table(TERRAIN_LINES), store.table(SURFACE).grid, store.table(TRUTH_GRID)
+    grid, truth = store.table(SURFACE).grid, store.table(TRUTH_GRID)
+    # Truth is known of small scenes, whose terrain is one sheet.
+    lines = store.table(terrain_lines_table(next(tiles_of(grid.shape, CONTOUR_SHEET))))
     sigma, code = (_nearest(store, name, grid, lines.x, lines.y) for name in (TERRAIN_PRECISION, TERRAIN_CODE))
     ground = store.read(TRUTH_GROUND, store.spec(TRUTH_GROUND).full).astype(np.float64)
     col, row = truth.pixel(lines.x, lines.y)

@@ -35,7 +35,7 @@ from orthomill.pipeline.export.vectors.map_features import Layer, line_features
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
-from orthomill.schemas.job import Columns, Export, FileBytes
+from orthomill.schemas.job import Columns, Export, FileBytes, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.maps.map_page import MapPage
@@ -332,7 +332,7 @@ def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
     page, *lines = (store.table(table) for table in export.tables)
     if not isinstance(page, MapPage):
         raise StoreError(f"{export.path} is a map, which needs a page as its first table.")
-    text = write_viewer(path, store, page, next((table for table in lines if isinstance(table, MapLines)), None))
+    text = write_viewer(path, store, page, tuple(table for table in lines if isinstance(table, MapLines)))
     write_whole(path, text.encode())
 
 
@@ -348,8 +348,9 @@ def _write_areas(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _line_layer(export: Export, store: ReadableStore) -> Layer:
-    """The lines of the one table of an export, under the name of its file."""
-    return Layer(Path(export.path).stem, "line", tuple(line_features(_the_table(export, store, MapLines))))
+    """The lines of the tables of an export, under the name of its file."""
+    tables = (_table_of(export, store, table, MapLines) for table in export.tables)
+    return Layer(Path(export.path).stem, "line", tuple(feature for table in tables for feature in line_features(table)))
 
 
 def _place_of(export: Export, store: ReadableStore) -> RasterSpec:
@@ -382,9 +383,14 @@ def _the_table(export: Export, store: ReadableStore, kind: type[T]) -> T:
     """The one table of an export. Raises StoreError when there is not exactly one, or when it is not of the kind `kind`."""
     if len(export.tables) != 1:
         raise StoreError(f"{export.path} needs exactly one table, but names {len(export.tables)}.")
-    value: Any = store.table(export.tables[0])
+    return _table_of(export, store, export.tables[0], kind)
+
+
+def _table_of(export: Export, store: ReadableStore, table: Table, kind: type[T]) -> T:
+    """A table of an export. Raises StoreError when it is not of the kind `kind`."""
+    value: Any = store.table(table)
     if not isinstance(value, kind):
-        raise StoreError(f"{export.path} cannot be written as {export.format} from {export.tables[0].path}; choose another format.")
+        raise StoreError(f"{export.path} cannot be written as {export.format} from {table.path}; choose another format.")
     return value
 
 

@@ -10,6 +10,7 @@ from hilly_ground import HOUSE, SIDE, SIGMA, TREES, bare_land, hilly_grid, model
 from memory_runner import MemoryProject
 from pydantic import ValidationError
 
+from orthomill.schemas import bare_ground
 from orthomill.schemas.bare_ground import (
     ABOVE_GROUND,
     CELL_CLASS,
@@ -138,13 +139,27 @@ def test_a_surface_without_any_measured_height_has_no_terrain_and_says_so():
 def test_contours_are_drawn_at_the_interval_that_is_asked_for_or_left_out():
     drawn = HillyProject(384).fill(1.0)
     drawn.run(TerrainStage(widest_object=30, max_gap=60, contours=DrawContours(interval=2.0, index_every=2)))
-    lines = drawn.tables["terrain/contours.parquet"]
+    lines = drawn.tables["terrain/contours/sheet_0-0.parquet"]
     assert set(np.unique(lines.height)) <= {98.0, 100.0, 102.0, 104.0, 106.0, 108.0} and len(lines) > 500
     assert set(lines.text[lines.height == 100.0]) == {"100"} and lines.dashed.any() and not lines.dashed.all()
     assert {export.format for export in drawn.exports.values()} >= {"gpkg", "dxf", "geojson"}
     without = HillyProject(384).fill(1.0)
     without.run(TerrainStage(widest_object=30, max_gap=60, contours=NoContours(kind="none")))
-    assert "terrain/contours.parquet" not in without.tables
+    assert not any(path.startswith("terrain/contours/sheet") for path in without.tables)
+
+
+def test_contours_of_a_large_terrain_are_joined_sheet_by_sheet(monkeypatch):
+    """All pieces of a map in one job asked for more memory than a worker has, from two hundred million cells on."""
+    stage = TerrainStage(widest_object=30, max_gap=60, contours=DrawContours(interval=2.0, index_every=2))
+    lengths = []
+    for cells in (4096, 128):
+        monkeypatch.setattr(bare_ground, "CONTOUR_SHEET", cells)
+        drawn = HillyProject(96).fill(1.0)
+        drawn.run(stage)
+        sheets = [table for path, table in drawn.tables.items() if path.startswith("terrain/contours/sheet")]
+        same = [np.diff(lines.line) == 0 for lines in sheets]
+        lengths.append(sum(np.hypot(np.diff(s.x), np.diff(s.y))[one].sum() for s, one in zip(sheets, same, strict=True)))
+    assert len(sheets) > 1 and lengths[1] == pytest.approx(lengths[0], rel=0.01)
 
 
 @pytest.mark.parametrize("wrong", [{"widest_object": 0}, {"slope": -0.1}, {"max_gap": 0}])

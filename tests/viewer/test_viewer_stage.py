@@ -11,7 +11,7 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.maps.map_page import MAP_PAGE
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.stage_report import Picture, Product, StageReport
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE
 from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
 from orthomill.tasks.viewer.stage import ViewerStage
@@ -27,12 +27,14 @@ class View:
 
     def __init__(self, **reports: StageReport) -> None:
         self.reports = reports
-        self.project = SimpleNamespace(project="site")
+        self.project = SimpleNamespace(project="site", tile=512)
 
     def has_stage(self, kind):
         return kind in self.reports
 
     def table(self, table):
+        if table == SURFACE:
+            return SimpleNamespace(grid=SimpleNamespace(shape=(6000, 3000)))
         return self.reports[table.path.split("/")[0]]
 
 
@@ -51,7 +53,10 @@ def test_layers_are_the_maps_that_stages_report_the_orthoimage_first():
     assert all(misfit(job) is None for job in jobs)
     assert [picture.raster for picture in jobs[0].params["pictures"]] == [ORTHO, HEIGHT, TERRAIN]
     assert export.path == "products/index.html" and set(export.rasters.values()) >= {ORTHO, HEIGHT, TERRAIN}
-    assert [table.path for table in export.tables] == [MAP_PAGE.path, "terrain/contours.parquet"]
+    assert [table.path for table in export.tables] == [
+        MAP_PAGE.path,
+        *(f"terrain/contours/sheet_{row}-0.parquet" for row in (0, 1)),
+    ]
 
 
 def test_heights_of_a_place_are_those_after_the_check():

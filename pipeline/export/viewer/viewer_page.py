@@ -26,7 +26,7 @@ MOST_VERTICES = 1_500_000
 _TEMPLATES = files("orthomill.pipeline.export.viewer") / "templates"
 
 
-def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: MapLines | None) -> str:
+def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: tuple[MapLines, ...]) -> str:
     """Write the tiles into the folder beside `path`; returns the text of the page, to be written last.
 
     Raises StoreError when a raster of the page does not exist.
@@ -71,13 +71,14 @@ def _place(spec: RasterSpec) -> dict[str, float | int]:
     return {"west": west, "north": north, "cell": cell, "rows": spec.shape[0], "cols": spec.shape[1]}
 
 
-def _write_lines(folder: Path, lines: MapLines | None) -> str | None:
+def _write_lines(folder: Path, lines: tuple[MapLines, ...]) -> str | None:
     """A script that hands the lines to the page: its path, None where there are none or too many."""
-    if lines is None or not len(lines) or len(lines) > MOST_VERTICES:
+    drawn = [table for table in lines if len(table)]
+    if not drawn or sum(map(len, drawn)) > MOST_VERTICES:
         return None
-    west, south = float(np.floor(lines.x.min())), float(np.floor(lines.y.min()))
+    west, south = (float(np.floor(min(getattr(table, name).min() for table in drawn))) for name in ("x", "y"))
     rows = []
-    for feature in line_features(lines):
+    for feature in (feature for table in drawn for feature in line_features(table)):
         # Whole centimetres from a corner, one after the other: half the size of coordinates in full.
         centimetres = np.rint((feature.places[:, :2] - (west, south)) * 100).astype(np.int64)
         steps = np.diff(centimetres, axis=0, prepend=np.zeros((1, 2), np.int64)).ravel().tolist()

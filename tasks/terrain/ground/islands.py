@@ -3,8 +3,8 @@
 Strategy. A filter that takes no cell without a height for evidence leaves a roof at the border of the map, and crowns in a wood, as
 they are: nothing lower is next to them. Cells of ground that continue each other are one patch. The land is wider than the widest
 object; a patch that is not, and lies above the ground that follows from the land around it by more than ground can rise over that
-distance, is none. One that is narrower than the gap around it is a glimpse, as likely of a crown as of the ground below: it may rise
-half as much.
+distance, is none. One that is narrower than the gap around it is a glimpse, as likely of a crown as of the ground below: it may
+rise half as much.
 """
 
 import numpy as np

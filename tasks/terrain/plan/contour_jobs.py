@@ -1,10 +1,17 @@
-"""The jobs of the contours: their interval, pieces tile by tile, and the lines of the whole map."""
+"""The jobs of the contours: their interval, pieces tile by tile, and the lines of each sheet."""
 
 from collections.abc import Iterator
 
-from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_LINES, TERRAIN_PRECISION, TERRAIN_RELATIVE
+from orthomill.schemas.bare_ground import (
+    TERRAIN,
+    TERRAIN_CODE,
+    TERRAIN_PRECISION,
+    TERRAIN_RELATIVE,
+    contour_sheets,
+    terrain_lines_table,
+)
 from orthomill.schemas.job import Export, Job, Raster, Table
-from orthomill.schemas.raster import MapGrid, Tile, Window
+from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
 from orthomill.tasks.terrain.contours.joined_contours import join_contours
@@ -17,10 +24,8 @@ _VERTEX = 200
 """bytes of a vertex while lines are joined"""
 
 
-def contour_jobs(
-    asked: DrawContours, grid: MapGrid, tiles: list[Tile], sums: tuple[Table[TerrainSums], ...]
-) -> Iterator[Job | Export]:
-    """The contours of a terrain on `grid`, whose interval follows from the sums of its tiles."""
+def contour_jobs(asked: DrawContours, grid: MapGrid, size: int, sums: tuple[Table[TerrainSums], ...]) -> Iterator[Job | Export]:
+    """The contours of a terrain on `grid` in tiles of `size` cells, whose interval follows from the sums of its tiles."""
     yield Job(
         stage="terrain",
         item="interval",
@@ -29,19 +34,30 @@ def contour_jobs(
         writes={"interval": INTERVAL},
         params={"asked": None if asked.interval == "auto" else asked.interval},
     )
-    yield from (_pieces(grid, tile) for tile in tiles)
-    yield Job(
+    yield from (_pieces(grid, tile) for tile in tiles_of(grid.shape, size))
+    sheets = contour_sheets(grid.shape, size)
+    yield from (_joined(asked, grid, sheet, size) for sheet in sheets)
+    lines = tuple(terrain_lines_table(sheet) for sheet in sheets)
+    for name, kind in _FORMATS.items():
+        yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, lines)
+
+
+def _joined(asked: DrawContours, grid: MapGrid, sheet: Tile, size: int) -> Job:
+    rows = range(sheet.window.row, sheet.window.row + sheet.window.height)
+    cols = range(sheet.window.col, sheet.window.col + sheet.window.width)
+    inside = [tile for tile in tiles_of(grid.shape, size) if tile.window.row in rows and tile.window.col in cols]
+    return Job(
         stage="terrain",
         item="joined",
         function=join_contours,
-        reads={"parts": tuple(_pieces_table(tile) for tile in tiles), "interval": INTERVAL},
-        writes={"lines": TERRAIN_LINES},
+        reads={"parts": tuple(_pieces_table(tile) for tile in inside), "interval": INTERVAL},
+        writes={"lines": terrain_lines_table(sheet)},
         params={"cell": grid.cell, "every": asked.index_every},
+        row=sheet.row,
+        col=sheet.col,
         # Ten cells of ground for a vertex: contours are no closer than the relief allows.
-        scratch=_VERTEX * grid.cells // 10,
+        scratch=_VERTEX * sheet.window.cells // 10,
     )
-    for name, kind in _FORMATS.items():
-        yield Export("terrain", f"contours_{kind}", f"products/{name}", kind, {"place": TERRAIN}, (TERRAIN_LINES,))
 
 
 def _pieces(grid: MapGrid, tile: Tile) -> Job:

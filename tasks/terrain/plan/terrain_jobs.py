@@ -134,7 +134,7 @@ class TerrainJobs:
         for of_tile in (self._bridge, self._cells, self._points, self._sums):
             yield from map(of_tile, self.tiles)
         if isinstance(self.settings.contours, DrawContours):
-            yield from contour_jobs(self.settings.contours, self.grid, self.tiles, self._sums_tables)
+            yield from contour_jobs(self.settings.contours, self.grid, self.view.project.tile, self._sums_tables)
         yield self._report()
         bands = {"height": TERRAIN, "precision": TERRAIN_PRECISION, "code": TERRAIN_CODE, "relative": TERRAIN_RELATIVE}
         yield Export("terrain", "terrain", "products/terrain.tif", "cog", bands)

@@ -8,8 +8,9 @@ from orthomill.schemas.bare_ground import (
     TERRAIN,
     TERRAIN_CODE,
     TERRAIN_CODES,
-    TERRAIN_LINES,
     TERRAIN_PRECISION,
+    contour_sheets,
+    terrain_lines_table,
 )
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, ValueLayer
@@ -28,6 +29,7 @@ from orthomill.schemas.surface import (
     PROVENANCE,
     PROVENANCE_CODES,
     RELATIVE_PRECISION,
+    SURFACE,
 )
 from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
@@ -67,7 +69,7 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
         writes={"page": MAP_PAGE},
         params={"project": view.project.project, "pictures": pictures, "values": values, "cloud": cloud},
     )
-    lines: tuple[Table, ...] = (TERRAIN_LINES,) if _draws_contours(reports) else ()
+    lines: tuple[Table, ...] = _contours(view) if _draws_contours(reports) else ()
     rasters = {f"layer{k}": picture.raster for k, picture in enumerate(pictures)}
     rasters |= {f"{layer.name}_{key}": name for layer in values for key, name in layer.rasters.items()}
     if cloud is not None:
@@ -103,6 +105,10 @@ def _cloud(view: ProjectView) -> CloudLayer | None:
     height = CORRECTED if view.has_stage("dsm_check") else HEIGHT
     colours = ORTHO if view.has_stage("texture") else None
     return CloudLayer(height=height, code=PROVENANCE, shown=tuple(map(int, MEASURED)), colours=colours)
+
+
+def _contours(view: ProjectView) -> tuple[Table, ...]:
+    return tuple(map(terrain_lines_table, contour_sheets(view.table(SURFACE).grid.shape, view.project.tile)))
 
 
 def _draws_contours(reports: tuple[StageReport, ...]) -> bool:
