@@ -17,33 +17,55 @@ DICTIONARIES = {
 }
 LEAST_SIDE = 10.0
 """px: sides of smaller squares show no bits"""
-CENTRE_SIGMA = 0.17
-"""px: standard error of a centre by refined corners (benchmarks/results/drawn_targets.md)"""
+CENTRE_SIGMA = 0.05
+"""px: standard error of a centre by the lines of the border (benchmarks/results/drawn_targets.md)"""
+FINER = 2
+"""Times finer than the photograph is the part in which corners are measured."""
+CORNERS = 0.5
+"""px: OpenCV's lines of a border count from the corner of the first pixel, we from its centre."""
 
 
 def coded_targets(grey: np.ndarray) -> list[FoundTarget]:
     """The coded targets of a grey image (rows, cols) uint8, sorted by name."""
     found: dict[str, FoundTarget | None] = {}
     for family, number in DICTIONARIES.items():
-        corners, names, _ = _detector(number).detectMarkers(grey)
-        for quad, name in zip(corners, [] if names is None else np.ravel(names), strict=False):
-            quad = quad.reshape(4, 2).astype(np.float64)
+        detector = _detector(number)
+        for name, rough in _codes(detector, grey, 1):
+            quad = _measured(detector, grey, name, rough)
             side = float(np.linalg.norm(np.diff(np.vstack([quad, quad[:1]]), axis=0), axis=1).min())
             place = crossing(quad)
             if side >= LEAST_SIDE and np.isfinite(place).all():
                 # Twice in a photograph is a copy of it, on paper or in a window: neither is known to be the point.
-                key = f"{family}-{int(name)}"
-                found[key] = (
-                    None
-                    if key in found
-                    else FoundTarget("coded", (float(place[0]), float(place[1])), CENTRE_SIGMA, side / 2.0, 1.0, key)
-                )
+                key = f"{family}-{name}"
+                own = FoundTarget("coded", (float(place[0]), float(place[1])), CENTRE_SIGMA, side / 2.0, 1.0, key)
+                found[key] = None if key in found else own
     return [one for _, one in sorted(found.items()) if one is not None]
+
+
+def _codes(detector: "cv2.aruco.ArucoDetector", grey: np.ndarray, finer: int) -> list[tuple[int, np.ndarray]]:
+    """Codes and their corners (4, 2) px of an image that is `finer` times the photograph, in px of that."""
+    corners, names, _ = detector.detectMarkers(grey)
+    numbers = [] if names is None else np.ravel(names)
+    return [
+        (int(name), (quad.reshape(4, 2).astype(np.float64) - CORNERS + 0.5) / finer - 0.5)
+        for name, quad in zip(numbers, corners, strict=False)
+    ]
+
+
+def _measured(detector: "cv2.aruco.ArucoDetector", grey: np.ndarray, name: int, rough: np.ndarray) -> np.ndarray:
+    """The corners (4, 2) px of a code, measured in an enlarged part of the image; `rough` where it does not show there."""
+    room = 0.4 * float(np.ptp(rough, axis=0).max()) + 8.0
+    left, top = np.maximum(np.floor(rough.min(axis=0) - room).astype(int), 0)
+    right, low = np.ceil(rough.max(axis=0) + room).astype(int) + 1
+    part = cv2.resize(grey[top:low, left:right], None, fx=FINER, fy=FINER, interpolation=cv2.INTER_CUBIC)
+    finer = [quad + np.array([left, top]) for own, quad in _codes(detector, part, FINER) if own == name]
+    return finer[0] if len(finer) == 1 else rough
 
 
 def _detector(number: int) -> "cv2.aruco.ArucoDetector":
     rules = cv2.aruco.DetectorParameters()
-    rules.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    # Finds quadrangles by lines of gradients, which blur and soft borders do not break.
+    rules.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
     rules.errorCorrectionRate = 0.0
     rules.minMarkerPerimeterRate = 0.005
     return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number), rules)

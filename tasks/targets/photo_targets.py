@@ -5,7 +5,8 @@ import numpy as np
 
 from orthomill.schemas.marks import FoundTarget, TargetKind
 from orthomill.tasks.targets.coded_targets import coded_targets
-from orthomill.tasks.targets.ring_patterns import KINDS, ring_targets
+from orthomill.tasks.targets.ring_patterns import KINDS, RingTargets, as_lens, ring_targets, ring_values
+from orthomill.tasks.targets.ring_templates import RINGS, likeness
 from orthomill.tasks.targets.symmetric_centre import SymmetricCentre, symmetric_centre
 
 PARTS = (1.0, 0.8, 0.62)
@@ -15,8 +16,10 @@ LEAST_PART = 2.4
 # Set on one block of 20 photographs with five plates, and on drawn targets.
 OFF_CENTRE = 0.08
 """px: the centre of an ellipse is not that of the circle that leans (benchmarks/results/drawn_targets.md)"""
-MOST_SIGMA, MOST_ASYMMETRY, LEAST_SCORE = 0.18, 0.06, 0.75
-"""What may be a target where one is expected: standard error (px), asymmetry, score."""
+MOST_SIGMA, MOST_ASYMMETRY = 0.18, 0.06
+"""What may be a target where one is expected: standard error (px), asymmetry."""
+LEAST_LIKE: dict[TargetKind, float] = {"chequered": 0.91, "cross": 0.9, "circle": 0.9}
+"""Correlation with a template about the centre; what is drawn has more (benchmarks/results/drawn_targets.md)."""
 
 
 def photo_targets(grey: np.ndarray) -> tuple[FoundTarget, ...]:
@@ -24,20 +27,33 @@ def photo_targets(grey: np.ndarray) -> tuple[FoundTarget, ...]:
     whole = np.ascontiguousarray(np.nan_to_num(grey, nan=0.0), np.float32)
     coded = coded_targets(np.clip(whole, 0, 255).astype(np.uint8))
     rings = ring_targets(whole)
-    out = []
-    for i in range(len(rings)):
-        centre = best_centre(whole, rings.place[i], float(rings.radius[i]))
-        if centre is None or centre.sigma > MOST_SIGMA or centre.asymmetry > MOST_ASYMMETRY or rings.score[i] < LEAST_SCORE:
-            continue
-        # The squares of a code are no targets of their own.
-        if any(np.hypot(*(centre.place - one.place)) < 1.6 * one.radius for one in coded):
-            continue
-        kind: TargetKind = KINDS[int(rings.kind[i])]
-        col, row = map(float, centre.place)
-        sigma = centre.sigma if kind != "circle" else float(np.hypot(centre.sigma, OFF_CENTRE))
-        sure = float(rings.score[i]) * (1.0 - 4.0 * centre.asymmetry) * min(1.0, float(rings.contrast[i]) / 40.0)
-        out.append(FoundTarget(kind, (col, row), sigma, float(rings.radius[i]), sure))
-    return (*coded, *_apart(sorted(out, key=lambda one: -one.score)))
+    out = [one for i in range(len(rings)) if (one := _target(whole, rings, i)) is not None]
+    # The squares of a code are no targets of their own.
+    apart = [one for one in out if all(np.hypot(*np.subtract(one.place, code.place)) >= 1.6 * code.radius for code in coded)]
+    return (*coded, *_apart(sorted(apart, key=lambda one: -one.score)))
+
+
+def _target(whole: np.ndarray, rings: RingTargets, i: int) -> FoundTarget | None:
+    """A candidate about its centre, if it is a target there."""
+    kind, radius = KINDS[int(rings.kind[i])], float(rings.radius[i])
+    centre = best_centre(whole, rings.place[i], radius)
+    if centre is None or centre.sigma > MOST_SIGMA or centre.asymmetry > MOST_ASYMMETRY:
+        return None
+    like = likeness_about(whole, centre.place, radius, kind)
+    if like < LEAST_LIKE[kind]:
+        return None
+    sigma = centre.sigma if kind != "circle" else float(np.hypot(centre.sigma, OFF_CENTRE))
+    sure = like * (1.0 - 4.0 * centre.asymmetry) * min(1.0, float(rings.contrast[i]) / 40.0)
+    return FoundTarget(kind, (float(centre.place[0]), float(centre.place[1])), sigma, radius, sure)
+
+
+def likeness_about(whole: np.ndarray, place: np.ndarray, radius: float, kind: TargetKind) -> float:
+    """-1 to 1: how much a grey image looks like a target of a kind about a place (2,) px."""
+    reach = int(np.ceil(1.5 * radius)) + 4
+    col, row = np.round(place).astype(int)
+    top, left = max(row - reach, 0), max(col - reach, 0)
+    part = as_lens(whole[top : row + reach + 1, left : col + reach + 1], radius)
+    return float(likeness(ring_values(part, (place - (left, top))[None], radius, RINGS[kind]), kind)[0])
 
 
 def _apart(ranked: list[FoundTarget]) -> list[FoundTarget]:
