@@ -220,7 +220,22 @@ class SimulatedPositions(Settings):
 Positions = Annotated[PositionsFromExif | PositionsFromFile | NoPositions | SimulatedPositions, Field(discriminator="kind")]
 
 
-class ControlFromFiles(Settings):
+class SurveyedPoints(Settings):
+    """What is stated of a list of surveyed points where the file does not."""
+
+    crs: str | None = setting(
+        None,
+        "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the file, or the project's.",
+    )
+    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
+    sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
+    errors_in: Literal["m", "mm"] | None = setting(
+        None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
+    )
+    check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")
+
+
+class ControlFromFiles(SurveyedPoints):
     """Ground control and check points from files: our own columns, or what Pix4D, Metashape (CSV, XML), Leica and others write."""
 
     kind: Literal["files"]
@@ -237,16 +252,7 @@ class ControlFromFiles(Settings):
     distances: ProjectPath | None = setting(
         None, "CSV with the columns from, to, metres, sigma: spatial distances measured between these points."
     )
-    crs: str | None = setting(
-        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the project."
-    )
-    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
-    sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
     sigma_px: float = setting(1.0, "Standard error of measurements in the photographs, where the file states none.", "px", gt=0)
-    errors_in: Literal["m", "mm"] | None = setting(
-        None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
-    )
-    check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")
     origin: Literal["centre", "corner"] | None = setting(
         None,
         "Origin (0, 0) of the pixel coordinates: the centre of the upper-left pixel, or its corner; null: the corner for files of "
@@ -286,7 +292,7 @@ class ControlFromScans(Settings):
     absent: Literal["skip", "refuse"] = setting("skip", ABSENT)
 
 
-class ControlFromTargets(Settings):
+class ControlFromTargets(SurveyedPoints):
     """Coded targets (AprilTag, ArUco) that are found in the photographs by themselves. Codes without coordinates are tie points."""
 
     kind: Literal["targets"]
@@ -298,13 +304,6 @@ class ControlFromTargets(Settings):
     distances: ProjectPath | None = setting(
         None, "CSV with the columns from, to, metres, sigma: scale bars, or distances measured between targets."
     )
-    crs: str | None = setting(None, "Reference system of the points; by default the one that the file names, or the project's.")
-    sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
-    sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
-    errors_in: Literal["m", "mm"] | None = setting(
-        None, "Unit of the standard errors of the points; null: metres, and refused where they can only be millimetres."
-    )
-    check: tuple[str, ...] = setting((), "Names of the points that are check points, where the file has no roles.")
 
 
 class NoControl(Settings):

@@ -1,6 +1,7 @@
 """Targets that name themselves: AprilTag and ArUco, found by OpenCV.
 
-Only codes without a single wrong bit count: on photographs of whole landscapes error correction finds codes where there are none.
+Only codes without a single wrong bit count, in the photograph and enlarged: on photographs of whole landscapes error
+correction finds codes where there are none.
 The centre is where the diagonals meet, which perspective does not move.
 """
 
@@ -32,6 +33,8 @@ def coded_targets(grey: np.ndarray) -> list[FoundTarget]:
         detector = _detector(number)
         for name, rough in _codes(detector, grey, 1):
             quad = _measured(detector, grey, name, rough)
+            if quad is None:
+                continue
             side = float(np.linalg.norm(np.diff(np.vstack([quad, quad[:1]]), axis=0), axis=1).min())
             place = crossing(quad)
             if side >= LEAST_SIDE and np.isfinite(place).all():
@@ -52,14 +55,15 @@ def _codes(detector: "cv2.aruco.ArucoDetector", grey: np.ndarray, finer: int) ->
     ]
 
 
-def _measured(detector: "cv2.aruco.ArucoDetector", grey: np.ndarray, name: int, rough: np.ndarray) -> np.ndarray:
-    """The corners (4, 2) px of a code, measured in an enlarged part of the image; `rough` where it does not show there."""
+def _measured(detector: "cv2.aruco.ArucoDetector", grey: np.ndarray, name: int, rough: np.ndarray) -> np.ndarray | None:
+    """The corners (4, 2) px of a code, measured in an enlarged part of the image; None where it does not show there again: what is
+    read from leaves and gravel depends on the size of pixels."""
     room = 0.4 * float(np.ptp(rough, axis=0).max()) + 8.0
     left, top = np.maximum(np.floor(rough.min(axis=0) - room).astype(int), 0)
     right, low = np.ceil(rough.max(axis=0) + room).astype(int) + 1
     part = cv2.resize(grey[top:low, left:right], None, fx=FINER, fy=FINER, interpolation=cv2.INTER_CUBIC)
     finer = [quad + np.array([left, top]) for own, quad in _codes(detector, part, FINER) if own == name]
-    return finer[0] if len(finer) == 1 else rough
+    return finer[0] if len(finer) == 1 else None
 
 
 def _detector(number: int) -> "cv2.aruco.ArucoDetector":

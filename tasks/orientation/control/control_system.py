@@ -5,7 +5,7 @@ then define the datum. Where only the order of the axes is the other one, or coo
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,20 +76,16 @@ def points_from_file(photos: Photos, text: str, own: str | None, crs: str) -> Co
     return _in_project(found, photos, own or (found.read.crs if found.read else "") or None, crs)
 
 
-def stated_of(source: ControlFromFiles | None) -> StatedControl:
-    """What the workflow states of files."""
+def stated_of(source: ControlFromFiles | ControlFromTargets | None) -> StatedControl:
+    """What the workflow states of points, and of the files that hold their marks."""
     if source is None:
         return StatedControl()
-    corner = None if source.origin is None else source.origin == "corner"
-    return StatedControl(
-        sigma_plan=source.sigma_plan,
-        sigma_height=source.sigma_height,
-        sigma_px=source.sigma_px,
-        check=source.check,
-        unit=source.errors_in,
-        corner=corner,
-        crs=source.crs,
+    of_points = StatedControl(
+        sigma_plan=source.sigma_plan, sigma_height=source.sigma_height, check=source.check, unit=source.errors_in, crs=source.crs
     )
+    if source.kind == "targets":
+        return of_points
+    return replace(of_points, sigma_px=source.sigma_px, corner=None if source.origin is None else source.origin == "corner")
 
 
 def control_from_scans(
@@ -125,10 +121,7 @@ def control_from_targets(
 ) -> Control:
     """Control from coded targets that were found in the photographs, in the project's system `crs`; `points`, `distances`: texts of
     the files of the source. Raises WorkflowError."""
-    stated = StatedControl(
-        sigma_plan=source.sigma_plan, sigma_height=source.sigma_height, check=source.check, unit=source.errors_in, crs=source.crs
-    )
-    found = coded_points(photos, codes, source, stated, points, distances)
+    found = coded_points(photos, codes, source, stated_of(source), points, distances)
     return _in_project(found.control, photos, source.crs or found.crs or None, crs)
 
 
