@@ -224,8 +224,7 @@ class SurveyedPoints(Settings):
     """What is stated of a list of surveyed points where the file does not."""
 
     crs: str | None = setting(
-        None,
-        "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the file, or the project's.",
+        None, "Reference system of the points, e.g. EPSG:4326 or EPSG:2100+5773; by default that of the file, or the project's."
     )
     sigma_plan: float = setting(0.03, "Standard error of the points in X and Y, where the file states none.", "m", gt=0)
     sigma_height: float = setting(0.05, "Standard error of the points in Z, where the file states none.", "m", gt=0)
