@@ -324,6 +324,15 @@ _ALL = (
     # marks in photographs
     Study("drawn_targets", "marking.drawn_targets", "how exact the centres of targets are", "seconds", MARKING, words="[EACH]"),
     Study(
+        "coded_photographs",
+        "marking.coded_photographs",
+        "photographs that carry codes, from control: targets to products",
+        "minutes",
+        MARKING,
+        words="[RUN]",
+        needs="a run of volos_small",
+    ),
+    Study(
         "planted_marks",
         "marking.planted_marks",
         "whether a wrong mark is named, and how soon",

@@ -49,7 +49,7 @@ FORMATS = (
     ExportFormat("3dtiles", "solid", "_3dtiles", "the same as 3D Tiles with levels of detail", "Cesium, QGIS, Unreal", _SOLID),
     ExportFormat("colmap", "block", "", "undistorted photographs with a COLMAP project", "COLMAP, splatting", stem="colmap"),
     ExportFormat("openmvs", "block", "", "undistorted photographs with a scene of OpenMVS", "OpenMVS", stem="openmvs"),
-    ExportFormat("odm", "block", "", "shots.geojson, cameras.json, geo.txt, gcp_list.txt", "OpenDroneMap, WebODM", stem="odm"),
+    ExportFormat("odm", "block", "", "shots.geojson, cameras.json, geo.txt, control", "OpenDroneMap, WebODM", stem="odm"),
     ExportFormat("metashape", "block", "", "cameras.xml with lens and poses", "Agisoft Metashape", stem="metashape"),
     ExportFormat("pix4d", "block", "", "external and internal parameters, matrices", "Pix4D, SURE, many scripts", stem="pix4d"),
     ExportFormat("stac", "metadata", "_stac.json", "STAC item with checksums", "catalogues, QGIS, pystac", stem="run"),

@@ -47,7 +47,11 @@ _WISHED = {
 _EPT = _Made("ept", "points", "entwine_pointcloud")
 _ONE_CLOUD = _Made("laz", "points", CLOUD)
 _BLOCK = _Made("odm", "", f"{OWN}/odm")
-_OF_BLOCK = {f"{OWN}/odm/shots.geojson": "odm_report/shots.geojson", f"{OWN}/odm/cameras.json": "cameras.json"}
+_OF_BLOCK = {
+    f"{OWN}/odm/shots.geojson": "odm_report/shots.geojson",
+    f"{OWN}/odm/cameras.json": "cameras.json",
+    f"{OWN}/odm/ground_control_points.geojson": "odm_georeferencing/ground_control_points.geojson",
+}
 """places that clients know of files of the block"""
 
 

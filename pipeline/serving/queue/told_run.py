@@ -28,6 +28,8 @@ class ToldRun:
     traced: list[str] = field(default_factory=list)
     """lines of a traceback: for whoever runs the node, not for those who gave the task"""
     _tracing: bool = False
+    _foreseen: float = 0.0
+    """the share of the work that was done by the last forecast"""
     _step: int = 0
 
     def take(self, line: str) -> list[str]:
@@ -61,8 +63,7 @@ class ToldRun:
 
     def _progress(self, told: dict[str, Any]) -> list[str]:
         share, left = told.get("share"), told.get("left_seconds")
-        # It may go back, as a stage turns out larger than was foreseen: a bar that stands still for an hour tells less.
-        known = float(share) if isinstance(share, int | float) else self.progress.share
+        known = self._grown(float(share)) if isinstance(share, int | float) else self.progress.share
         seconds = left if isinstance(left, int | float) else None
         stage, counts = self.progress.stage, ""
         for kind, count in told.get("stages", {}).items():
@@ -78,6 +79,13 @@ class ToldRun:
         self._step = step
         remaining = f", about {seconds / 60:.0f} min left" if seconds is not None and seconds >= 90 else ""
         return [f"[{told.get('seconds', 0):.0f} s] {100 * min(known, 0.99):.0f} % of the work{remaining}{counts}"]
+
+    def _grown(self, share: float) -> float:
+        """The share that is shown, which never falls: where a stage turns out larger than was foreseen, what is left to be shown
+        goes on at the pace of what is left to be done."""
+        before, self._foreseen = self._foreseen, min(share, 1.0)
+        shown = self.progress.share
+        return shown + (1.0 - shown) * max(self._foreseen - before, 0.0) / max(1.0 - before, 1e-6)
 
     def _end(self, told: dict[str, Any]) -> list[str]:
         self.verdict = str(told.get("verdict", ""))

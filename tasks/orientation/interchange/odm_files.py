@@ -1,4 +1,5 @@
-"""What OpenDroneMap and WebODM read and write of a block: shots.geojson, cameras.json, geo.txt, gcp_list.txt, check_list.txt.
+"""What OpenDroneMap and WebODM read and write of a block: shots.geojson, cameras.json, geo.txt, gcp_list.txt, check_list.txt,
+ground_control_points.geojson.
 
 Rotations are vectors from the axes of the map to a camera that looks along z with y down; photographs are those of their files.
 Source: OpenDroneMap, opendm/shots.py, and its documentation ("Image geolocation files", "Ground control points").
@@ -10,12 +11,15 @@ from typing import Any
 import numpy as np
 from pyproj import CRS, Transformer
 
+from orthomill.schemas.camera import Camera
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.geometry.camera_change import TURN
+from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.geometry.reference_system import ground_crs, on_earth
 from orthomill.tasks.geometry.rotation_vector import vector_of_rotation
+from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock
 from orthomill.tasks.orientation.interchange.opensfm import camera_values
 
@@ -32,6 +36,8 @@ def odm_files(block: ForeignBlock, files: dict[str, str], control: Control, phot
     for role, name in (("control", "gcp_list.txt"), ("check", "check_list.txt")):
         if rows := _marks(control, role, files, photos):
             texts[name] = "\n".join([_code(crs), *rows]) + "\n"
+    if measured := _measured_control(block, files, control, photos, crs):
+        texts["ground_control_points.geojson"] = measured
     return {name: text.encode() for name, text in texts.items()}
 
 
@@ -60,6 +66,42 @@ def _shots(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
         place = {"type": "Point", "coordinates": [*to_degrees.transform(x, y), z]}
         features.append({"type": "Feature", "properties": known, "geometry": place})
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)
+
+
+def _measured_control(block: ForeignBlock, files: dict[str, str], control: Control, photos: Photos, crs: str) -> str:
+    """Control and check points with the place of each in the photographs, marked and by the block, in units of the longer side from
+    the middle; `error`: the intersection of its marks in the block minus its coordinates, m. Empty without such points."""
+    to_degrees = Transformer.from_crs(ground_crs(crs), CRS.from_epsg(4326), always_xy=True)
+    features = []
+    for point in control.points:
+        seen = [name for name in point.measurements if name in files]
+        if point.role == "tie" or len(seen) < 2:
+            continue
+        views = [View(name, block.cameras[name], block.poses[name].rotation, block.poses[name].centre) for name in seen]
+        pixels = [np.array([_in_file(photos, name, *point.measurements[name][:2])]) for name in seen]
+        rays = np.stack([view.rays(pixel) for view, pixel in zip(views, pixels, strict=True)])
+        place = intersect_rays(np.stack([view.centre[None] for view in views]), rays)[0]
+        if not np.isfinite(place).all():
+            continue
+        seen_at = [
+            {
+                "shot_id": files[view.name],
+                "annotated": _normalised(view.camera, pixel[0]),
+                "reprojected": _normalised(view.camera, view.project(place)[0]),
+            }
+            for view, pixel in zip(views, pixels, strict=True)
+        ]
+        known = {"id": point.name, "role": point.role, "observations": seen_at, "error": (place[0] - point.xyz).tolist()}
+        x, y, z = point.xyz
+        geometry = {"type": "Point", "coordinates": [*to_degrees.transform(x, y), z]}
+        features.append({"type": "Feature", "properties": known, "geometry": geometry})
+    return json.dumps({"type": "FeatureCollection", "features": features}, indent=1) if features else ""
+
+
+def _normalised(camera: Camera, pixel: np.ndarray) -> list[float]:
+    """A pixel (col, row) from the middle of the photograph, in units of its longer side."""
+    middle = (np.array([camera.width, camera.height]) - 1) / 2
+    return ((pixel - middle) / max(camera.width, camera.height)).tolist()
 
 
 def _cameras(block: ForeignBlock) -> str:

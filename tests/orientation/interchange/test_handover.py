@@ -296,6 +296,13 @@ def test_marks_of_control_come_back_and_check_points_stay_apart():
     # Files have no folders in their names there: b/c is found as c.
     for name in ("a", "d"):
         assert point.measurements[name][:2] == pytest.approx(wanted.measurements[name][:2], abs=1e-3)
+    features = json.loads(files["ground_control_points.geojson"])["features"]
+    assert [one["properties"]["id"] for one in features] == ["control", "check"]
+    assert features[0]["geometry"]["coordinates"][:2] == pytest.approx([22.92, 39.35], abs=0.02)
+    # Its marks are noisy by less than a pixel of these photographs, which is some centimetres.
+    assert np.abs(features[0]["properties"]["error"]).max() < 0.5
+    for seen in features[0]["properties"]["observations"]:
+        assert np.subtract(seen["annotated"], seen["reprojected"]) == pytest.approx([0, 0], abs=3e-3)
     assert "check" in files["check_list.txt"].decode() and "check" not in files["gcp_list.txt"].decode()
 
 

@@ -2,6 +2,10 @@
 
 import json
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
 from orthomill.pipeline.serving.queue.told_run import ToldRun
 
 
@@ -24,12 +28,26 @@ def test_progress_is_told_in_steps_and_as_it_is():
         progress(0.05, 12),
         progress(0.5, 50),
         progress(0.4, 60),
+        progress(0.7, 70),
     )
     assert lines == [
         "[7 s] 10 % of the work, about 10 min left; texture: 10 of 100 jobs",
-        "[7 s] 50 % of the work; texture: 50 of 100 jobs",
+        "[7 s] 53 % of the work; texture: 50 of 100 jobs",
+        "[7 s] 77 % of the work; texture: 70 of 100 jobs",
     ]
-    assert run.progress.share == 0.4 and run.progress.stage == "texture"
+    assert run.progress.share == pytest.approx(0.7658, abs=1e-3) and run.progress.stage == "texture"
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30))
+def test_a_share_that_was_shown_never_falls_and_the_end_is_reached(shares):
+    run = ToldRun()
+    shown = []
+    for share in [*shares, 1.0]:
+        run.take(json.dumps(progress(share, 1)))
+        shown.append(run.progress.share)
+    assert shown == sorted(shown) and shown[-1] == pytest.approx(1.0) and max(shown) <= 1.0
+    if shares == sorted(shares):
+        assert shown[:-1] == pytest.approx(shares)
 
 
 def test_addresses_and_advice_for_the_terminal_are_for_nobody_elsewhere():
