@@ -26,6 +26,8 @@ from orthomill.tasks.geometry.view import View
 
 MOST_RAYS = 150_000
 """Of more rays a share stands for all: their covariance is needed to two digits, and within seconds."""
+MOST_ENLARGED = 8.0
+"""times"""
 UNKNOWN_HEADING = np.pi
 GIMBAL, AIRCRAFT, NO_ATTITUDE = np.radians(2.0), np.radians(10.0), np.radians(20.0)
 """Standard errors of attitudes by the tags of a gimbal, of an aircraft, and of a camera that is taken to look straight down."""
@@ -82,7 +84,10 @@ def block_belief(
         vertical_weight=np.zeros(len(start.names)),
     )
     covariance = covariance_by(network, state, rays)
-    return replace(start, state=state, network=network, covariance=_as_stated(covariance, block))
+    # Errors of images are correlated, which the block knows: its photographs lie less surely to each other than by so many rays.
+    if (larger := _relative_ratio(covariance, block, start.number)) > 1.0:
+        covariance = covariance_by(network, state, replace(rays, sigma=rays.sigma * min(larger, MOST_ENLARGED)))
+    return replace(start, state=state, network=network, covariance=_with_common_shift(covariance, block))
 
 
 def covariance_by(network: Network, state: State, rays: Rays) -> np.ndarray:
@@ -210,9 +215,29 @@ def _tie_rays(
     return Rays(point, photo.astype(np.int32), xy, sigma), points
 
 
-def _as_stated(covariance: np.ndarray, block: Block) -> np.ndarray:
-    """The covariance enlarged to what the block states of its centres: errors of images are correlated, which it knows."""
-    stated = [None if photo.covariance is None else np.trace(np.array(photo.covariance)[:3, :3]) for photo in block.photos]
-    own = np.array([np.trace(covariance[6 * i : 6 * i + 3, 6 * i : 6 * i + 3]) for i in range(len(stated))])
-    ratio = [value / mine for value, mine in zip(stated, own, strict=True) if value is not None and mine > 0]
-    return covariance * max(1.0, float(np.median(ratio))) if ratio else covariance
+def _relative_ratio(covariance: np.ndarray, block: Block, number: dict[str, int]) -> float:
+    """How many times larger the block states the standard errors of its photographs to each other; 1 where it states none."""
+    own = {photo.photo: np.array(photo.covariance)[:3, :3] for photo in block.photos if photo.covariance is not None}
+    ratios = []
+    for pair in block.joint:
+        if pair.first in own and pair.second in own:
+            shared = np.array(pair.covariance)[:3, :3]
+            stated = np.trace(own[pair.first] + own[pair.second] - shared - shared.T)
+            i, j = (slice(6 * number[name], 6 * number[name] + 3) for name in (pair.first, pair.second))
+            mine = np.trace(covariance[i, i] + covariance[j, j] - covariance[i, j] - covariance[j, i])
+            ratios.append(np.sqrt(max(stated, 0.0) / mine))
+    return float(np.median(ratios)) if ratios else 1.0
+
+
+def _with_common_shift(covariance: np.ndarray, block: Block) -> np.ndarray:
+    """The covariance with what the block states of its centres beyond it: an error that all positions share, as those of one base
+    station do. What the block is by itself, and its cameras, stay as they are."""
+    stated = [np.diag(np.array(photo.covariance))[:3] for photo in block.photos if photo.covariance is not None]
+    if not stated:
+        return covariance
+    count = len(block.photos)
+    own = np.diag(covariance)[: 6 * count].reshape(count, 6)[:, :3]
+    shift = np.maximum(np.median(stated, axis=0) - np.median(own, axis=0), 0.0)
+    moves = np.zeros((len(covariance), 3))
+    moves[: 6 * count] = np.tile(np.eye(6, 3), (count, 1))
+    return covariance + (moves * shift) @ moves.T

