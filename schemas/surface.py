@@ -98,7 +98,7 @@ PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
     (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
     (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
     (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
-    (Provenance.COARSE, "#c2a5cf", "estimated: all photographs together show it on a coarser scale, as a crown without its leaves"),
+    (Provenance.COARSE, "#c2a5cf", "estimated: photographs show it, less sharply than its cell: a crown without leaves"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

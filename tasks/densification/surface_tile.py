@@ -14,14 +14,16 @@ from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoin
 from orthomill.tasks.densification.completion import VolumeWindow, completed
 from orthomill.tasks.densification.filling import fill, without
 from orthomill.tasks.densification.fusion import FusedCells, fuse
-from orthomill.tasks.densification.gridding import TargetCells, grid_nodes
+from orthomill.tasks.densification.gridding import HeightCells, TargetCells, grid_nodes
 from orthomill.tasks.densification.ground_intersection import NodesOnGround, nodes_on_ground
 from orthomill.tasks.densification.height_differences import EVEN_REACH
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector
 from orthomill.tasks.densification.precision.datum_precision import datum_precision
-from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH, groundless, with_distance
+from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH, groundless, with_distance, with_shown
+from orthomill.tasks.densification.precision.matched_ground import matched_ground
+from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, MatchingDifferences
 from orthomill.tasks.densification.precision.standard_errors import REACH, relative_precision
 from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision
 from orthomill.tasks.densification.settings.surface_settings import (
@@ -134,53 +136,75 @@ def make_surface(
     judgement: np.ndarray,
     confidence: np.ndarray,
     nodes: Iterator[np.ndarray],
+    differences: MatchingDifferences = NO_DIFFERENCES,
 ) -> SurfaceCells:
     """The cells of a tile with their statistics.
 
     height, judgement, confidence: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per
-    piece, in their order.
+    piece, in their order; differences: of the pairs of the block.
     """
     grid, volume = tile.surface.grid, VolumeWindow(height, judgement, confidence)
     cell = grid.cell
-    # A height of a coarser level stands for all that its cells hold.
-    stack = HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)
+    stack = empty_stack(volume, rules, cell)
     photos = tuple(dict.fromkeys(name for piece in tile.pieces for name in (piece.pair.left, piece.pair.right)))
     collector = PointCollector(grid, tile.window, photos, rules.points)
     for piece, array in zip(tile.pieces, nodes, strict=True):
         ground = nodes_on_ground(piece.pair, array, piece.nodes, piece.step)
-        target = TargetCells(grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
-        stack.add(grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, rules.gridding))
+        stack.add(gridded(ground, piece, tile, rules.gridding))
         collector.add(piece.number, piece.pair, ground, _accepted(ground, tile, stack))
     fused = fuse(stack, cell, rules.fusion)
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
     measured = completed(without(fused, spiky), volume, cell)
-    cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules)
+    cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules, differences)
     points = collector.points(cells.provenance)
     return surface_cells(cells, datum, statistics, points)
 
 
+def empty_stack(volume: VolumeWindow, rules: SurfaceRules, cell: float) -> HeightStack:
+    """What the pairs of a tile are added to; cell: its side, m."""
+    # A height of a coarser level stands for all that its cells hold.
+    return HeightStack.over(volume.height, np.float32(rules.completion.nearness * cell) * volume.size)
+
+
+def gridded(ground: NodesOnGround, piece: PairPiece, tile: SurfaceTile, gridding: Gridding) -> HeightCells:
+    """The heights of one pair in the cells `tile.work`."""
+    target = TargetCells(tile.surface.grid, tile.work, (tile.surface.height_low, tile.surface.height_high))
+    return grid_nodes(ground, ground_pixel(piece.pair) * piece.step, target, gridding)
+
+
 def finished_cells(
-    measured: FusedCells, volume: VolumeWindow, spiky: np.ndarray, tile: SurfaceTile, rules: SurfaceRules
+    measured: FusedCells,
+    volume: VolumeWindow,
+    spiky: np.ndarray,
+    tile: SurfaceTile,
+    rules: SurfaceRules,
+    differences: MatchingDifferences = NO_DIFFERENCES,
 ) -> tuple[FusedCells, np.ndarray, SurfaceStatistics]:
     """The tile's own cells with standard errors and estimates, the standard error of the datum (rows, cols) m, and their counts.
 
     measured: the cells `tile.work` with what matching found; spiky (rows, cols) bool: those that were removed as spikes.
     """
     grid = tile.surface.grid
-    if tile.window_cells:
-        relative = wall_blind_precision(measured, volume, tile.step, tile.window_cells)
-    else:
-        relative = relative_precision(measured, volume, tile.step)
-    rated = FusedCells(measured.height, relative, measured.count, measured.provenance)
+    rated = _rated(measured, volume, tile, differences)
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
-    cells = _cropped(with_distance(whole, grid.cell, volume.alone | (volume.coherent & (rated.count > 0))), tile)
+    cells = _cropped(with_distance(whole, grid.cell, volume.alone), tile)
     # Last of all: what lies outside is neighbourhood of what lies inside.
     cells = without(cells, ~tile.surface.wanted.cells(grid, tile.window))
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)
     datum = np.where(np.isfinite(cells.height), datum, np.float32(np.nan))
     return cells, datum, _statistics(cells, datum, int(spiky[_inner(tile)].sum()), grid.cell)
+
+
+def _rated(measured: FusedCells, volume: VolumeWindow, tile: SurfaceTile, differences: MatchingDifferences) -> FusedCells:
+    """The cells with their standard errors among neighbours."""
+    if tile.window_cells:
+        relative = wall_blind_precision(measured, volume, tile.step, tile.window_cells)
+        return FusedCells(measured.height, relative, measured.count, measured.provenance)
+    ground = matched_ground(measured, tile.step)
+    relative = relative_precision(measured, volume, ground, differences)
+    return with_shown(FusedCells(measured.height, relative, measured.count, measured.provenance), volume, ground)
 
 
 def surface_cells(cells: FusedCells, datum: np.ndarray, statistics: SurfaceStatistics, points: SurfacePoints) -> SurfaceCells:

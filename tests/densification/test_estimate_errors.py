@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.surface import Provenance
+from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.estimate_errors import groundless, with_distance
+from orthomill.tasks.densification.precision.estimate_errors import groundless, with_distance, with_shown
+from orthomill.tasks.densification.precision.matched_ground import matched_ground
 from orthomill.tasks.densification.precision.standard_errors import REACH
+from orthomill.tasks.densification.volume.confidence import Confidence
+from orthomill.tasks.densification.volume.quality import Judgement
 
 
 def coded(provenance: np.ndarray) -> FusedCells:
@@ -66,3 +70,29 @@ def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are
     # Not the ground itself, what is certain enough, what lies within trees' height of the ground, or what has no ground around.
     expected = near & (np.arange(60) >= 8) & ~np.isin(np.arange(60), (10, 20))
     assert np.array_equal(found, expected)
+
+
+SHAPE = (24, 24)
+
+
+def estimates(count: int, coherence: int, beside: float) -> FusedCells:
+    """Estimates on level ground with the surface `beside` m higher from the middle on, after what is known of them is told."""
+    height = np.full(SHAPE, 10.0, np.float32)
+    height[:, 12:] += np.float32(beside)
+    cells = FusedCells(
+        height, np.full(SHAPE, 0.1, np.float32), np.full(SHAPE, count, np.uint8), np.full(SHAPE, Provenance.INCOHERENT, np.uint8)
+    )
+    judgement = np.zeros((*SHAPE, len(Judgement)), np.uint8)
+    judgement[..., Judgement.COHERENCE] = coherence
+    volume = VolumeWindow(height, judgement, np.full(SHAPE, Confidence.LOW, np.uint8))
+    return with_shown(cells, volume, matched_ground(cells, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("count", "coherence", "beside", "shown"),
+    [(1, 80, 9.0, True), (1, 20, 0.0, True), (1, 20, 9.0, False), (0, 80, 0.0, True), (0, 80, 9.0, False), (0, 20, 0.0, False)],
+)
+def test_estimates_of_which_photographs_say_something_are_told_from_guesses(count, coherence, beside, shown):
+    found = estimates(count, coherence, beside)
+    assert (found.provenance[12, 12] == Provenance.COARSE) == shown
+    assert found.precision[12, 12] == pytest.approx(np.hypot(0.1, 0.4) if shown and not count else 0.1)

@@ -10,7 +10,8 @@ from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.height_differences import EVEN_REACH
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH
-from orthomill.tasks.densification.precision.standard_errors import REACH, SHARE
+from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, factors
+from orthomill.tasks.densification.precision.standard_errors import REACH
 from orthomill.tasks.densification.settings.surface_settings import (
     Completion,
     EstimateGaps,
@@ -39,6 +40,8 @@ def rules_of(spikes=None, fill=MEASURED_ONLY) -> SurfaceRules:
 
 
 RULES = rules_of()
+SHARE, COMMON = float(factors(NO_DIFFERENCES)[0, 0]), 0.4
+"""of the standard error that matching states of one pair, on even ground: what it is worth, and what all pairs have in common"""
 
 
 def surface_of_tile(tile, rules, nodes=(), volume=None):
@@ -68,13 +71,14 @@ def test_the_precision_is_height_over_base_times_ground_pixel_times_parallax_err
     """sigma_Z = (H / B) (H / c) sigma_p, with H the height above the ground (Karfis 2009, 1.21); a share of it between nodes."""
     pair = level_pair()
     depth = pair.left_centre[2] - 12.5
-    expected = SHARE * depth / pair.base * depth / pair.c * 0.2
+    expected = np.hypot(1, COMMON) * SHARE * depth / pair.base * depth / pair.c * 0.2
     assert made(12.5, sigma=0.2).precision == pytest.approx(expected, rel=1e-3)
 
 
-def test_two_pairs_that_agree_halve_the_variance():
+def test_two_pairs_that_agree_halve_the_variance_but_for_what_they_have_in_common():
     one, two = made(12.5), made(12.5, 12.5)
-    assert two.precision == pytest.approx(one.precision / np.sqrt(2), rel=1e-3)
+    left = (1 / 2 + COMMON**2) / (1 + COMMON**2)
+    assert two.precision == pytest.approx(one.precision * np.sqrt(left), rel=1e-3)
     assert (two.provenance == Provenance.AGREED).all() and (two.pairs == 2).all()
 
 

@@ -6,12 +6,14 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.standard_errors import SHARE, height_range
+from orthomill.tasks.densification.precision.standard_errors import height_range
 from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision, window_doubt
 from orthomill.tasks.densification.volume.quality import Judgement
 
 SHAPE = (9, 15)
 STEP = 2.0
+SHARE = 0.45
+"""of what matching states, between its nodes"""
 NARROW = 0
 """cells of a window that shows one cell only: no doubt about others"""
 

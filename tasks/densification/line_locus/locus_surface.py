@@ -11,7 +11,7 @@ from orthomill.schemas.surface import Provenance, SurfacePoints
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.filling import without
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.standard_errors import SHARE
+from orthomill.tasks.densification.precision.wall_blind_errors import SHARE
 from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, finished_cells, surface_cells
 from orthomill.tasks.densification.volume.quality import Judgement

@@ -1,6 +1,7 @@
 """The jobs of the stage by each of its methods: what is matched, the surface from it, and the report."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.errors import WorkflowError
@@ -15,6 +16,7 @@ from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import SURFACE, Surface
 from orthomill.tasks.densification.line_locus.locus_block import LocusScene
 from orthomill.tasks.densification.line_locus.locus_surface import make_line_surface
+from orthomill.tasks.densification.plan.difference_jobs import DIFFERENCES, difference_plan
 from orthomill.tasks.densification.plan.guided_jobs import GuidedPlan, level_table
 from orthomill.tasks.densification.plan.line_jobs import LINE_NODES, LINE_OUTCOME, LINE_PHOTOGRAPHS, LINES, locus_plan
 from orthomill.tasks.densification.plan.near_model_jobs import model_plan
@@ -93,9 +95,11 @@ def _object_space(asked: DensificationStage, view: ProjectView, surface: Surface
     for pair in pairs:
         yield from pair_plan(pair, surface, matching.pairs, asked.kind)
     volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
-    source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, scene.levels[-1].step, matching.pairs.step)
-    yield from _tiles(asked, view).jobs(source, pairs)
-    yield _report_of_pairs(asked, pairs)
+    tiles, step = _tiles(asked, view), scene.levels[-1].step
+    source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, step, matching.pairs.step)
+    yield from difference_plan(tiles, source, pairs)
+    yield from tiles.jobs(replace(source, tables={"differences": DIFFERENCES}), pairs)
+    yield _report_of_pairs(asked, pairs, {"differences": DIFFERENCES})
 
 
 def _pairs_alone(asked: DensificationStage, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:
@@ -158,8 +162,8 @@ def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int)
     )
 
 
-def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...]) -> Job:
-    reads = _read_of_pairs(pairs)
+def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...], more: Mapping[str, Reading] | None = None) -> Job:
+    reads = {**_read_of_pairs(pairs), **(more or {})}
     return Job(stage=asked.kind, item="report", function=report, reads=reads, writes={"report": report_table(asked.kind)})
 
 

@@ -1,7 +1,7 @@
 """The rasters and jobs of the surface model: the same tiles, rasters and products, whatever the heights come from."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
@@ -57,6 +57,8 @@ class SurfaceSource:
     """cells along the side of windows that know no walls; 0: windows keep to one surface"""
     reads_nodes: bool = True
     """whether it reads the nodes of the pairs as well, as the argument `nodes`"""
+    tables: Mapping[str, Table[Any]] = field(default_factory=dict)
+    """what it reads of the whole block, by argument"""
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,8 @@ class SurfacePlan:
         # The halo makes filters and filling see what they would see in one piece: any tile size gives the same bits.
         around = tile.window.grown(self.rules.halo)
         work = around.clipped(source.surface.grid.shape)
-        pieces = _pieces(source, pairs, around)
-        reads: dict[str, Reading] = {key: Raster(name, work) for key, name in source.rasters.items()}
-        if source.reads_nodes:
-            reads["nodes"] = Stream(tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces))
+        pieces = pieces_of(source, pairs, around)
+        reads = {**tile_reads(source, work, pieces), **source.tables}
         outputs = {**_HEIGHTS, "pairs": COUNT, "provenance": PROVENANCE}
         return Job(
             stage=self.stage,
@@ -122,17 +122,26 @@ class SurfacePlan:
                 "statistics": table,
                 "points": points_table(tile.row, tile.col),
             },
-            params={"tile": _surface_tile(source, tile, work, pieces), "rules": self.rules},
+            params={"tile": surface_tile(source, tile.window, work, pieces), "rules": self.rules},
             row=tile.row,
             col=tile.col,
             scratch=surface_scratch(pieces, work) + points_bytes(tile.window, 2 * len(pieces), self.rules.points),
         )
 
 
-def _surface_tile(source: SurfaceSource, tile: Tile, work: Window, pieces: tuple[PairPiece, ...]) -> SurfaceTile:
+def tile_reads(source: SurfaceSource, work: Window, pieces: tuple[PairPiece, ...]) -> dict[str, Reading]:
+    """The rasters that a tile reads, and the nodes of the pairs that can show it."""
+    reads: dict[str, Reading] = {key: Raster(name, work) for key, name in source.rasters.items()}
+    if source.reads_nodes:
+        reads["nodes"] = Stream(tuple(Raster(nodes_raster(piece.pair.name), piece.nodes) for piece in pieces))
+    return reads
+
+
+def surface_tile(source: SurfaceSource, window: Window, work: Window, pieces: tuple[PairPiece, ...]) -> SurfaceTile:
+    """The tile of the cells `window`, of which `work` are computed."""
     return SurfaceTile(
         surface=source.surface,
-        window=tile.window,
+        window=window,
         work=work,
         pieces=pieces,
         ground=source.ground,
@@ -141,7 +150,8 @@ def _surface_tile(source: SurfaceSource, tile: Tile, work: Window, pieces: tuple
     )
 
 
-def _pieces(source: SurfaceSource, pairs: tuple[EpipolarPair, ...], around: Window) -> tuple[PairPiece, ...]:
+def pieces_of(source: SurfaceSource, pairs: tuple[EpipolarPair, ...], around: Window) -> tuple[PairPiece, ...]:
+    """The pairs that can show the cells `around`."""
     # All heights of the surface, not those of the tie points: a tower leans across several tiles of the left image.
     surface, step = source.surface, source.node_step
     corners = box_corners(surface.grid, around, surface.height_low, surface.height_high)

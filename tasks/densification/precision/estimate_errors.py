@@ -2,15 +2,18 @@
 
 Strategy. Where photographs disagree something stands or moves, about as high as it is wide: what lies a distance away from measured
 ground may be that much higher, until it is as uncertain as trees and houses are high. A height of which photographs say something
-themselves (neighbours go along with it and a pair matched there, or it is the height of a coarser level) keeps what they say.
+themselves keeps what they say: that of a coarser level; one that a pair matched where neighbours go along with it or no wall is
+near; and one with which its neighbours go along where nothing around is as high as a house, good to what grass and leaves are deep.
 """
 
 import numpy as np
 from scipy import ndimage
 
 from orthomill.schemas.surface import GUESSED, MEASURED, Provenance
+from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import extremes
+from orthomill.tasks.densification.precision.matched_ground import MatchedGround
 from orthomill.tasks.densification.precision.standard_errors import REACH
 from orthomill.tasks.densification.volume.quality import box_sums
 
@@ -20,8 +23,20 @@ _FARTHEST, _TALLEST = 64, 10.0
 """cells and m; farther away, or once as uncertain as trees and houses are high, an estimate gets no worse"""
 _CORE, _MOSTLY = 2, 0.75
 """a cell counts as measured ground if most of the cells up to two away are measured: single ones in a crown are no ground"""
+_HOUSE, _GRASS = 2.5, 0.4
+"""m that the surface rises and falls beside what may be a house, and that what no pair matched is deep"""
 CODE_REACH = _FARTHEST + _CORE
 """cells around an estimate whose codes enter its standard error"""
+
+
+def with_shown(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround) -> FusedCells:
+    """The cells with those of which photographs say something themselves told from mere guesses: coded as shown on a coarser
+    scale."""
+    matched = cells.count > 0
+    shown = (volume.coherent & (matched | (ground.torn < _HOUSE))) | (matched & ~ground.walled)
+    shown &= (cells.provenance == Provenance.INCOHERENT) & ~volume.alone
+    deep = np.where(shown & ~matched, np.hypot(cells.precision, np.float32(_GRASS)), cells.precision).astype(np.float32)
+    return FusedCells(cells.height, deep, cells.count, np.where(shown, np.uint8(Provenance.COARSE), cells.provenance))
 
 
 def with_distance(cells: FusedCells, cell: float, known: np.ndarray) -> FusedCells:

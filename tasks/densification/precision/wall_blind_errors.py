@@ -19,10 +19,12 @@ from orthomill.schemas.surface import MEASURED
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import height_range
-from orthomill.tasks.densification.precision.standard_errors import REACH, matched_precision
+from orthomill.tasks.densification.precision.standard_errors import REACH, volume_error
 from orthomill.tasks.densification.volume.quality import box_sums
 from orthomill.tasks.matching.dense.unevenness import unevenness
 
+SHARE = 0.45
+"""factor of the standard errors of matching: those of neighbouring nodes, between which a cell is interpolated, partly cancel"""
 _ROUGHNESS = 0.2
 """share of the height differences to the cells next to it that the surface varies within a cell"""
 _DOUBT, _CLEAR, _DOUBTFUL = 3.5, 0.19, 2
@@ -46,7 +48,7 @@ _GONE = 0.4
 def wall_blind_precision(cells: FusedCells, volume: VolumeWindow, step: float, window: int) -> np.ndarray:
     """Standard errors (rows, cols) float32, m, of all cells with a height. step: of the volume's heights at its finest level, m, 0
     without a volume; window: side of the windows in cells."""
-    matching = matched_precision(cells, volume, step)
+    matching = np.where(np.isfinite(cells.precision), SHARE * cells.precision, volume_error(cells, volume, step))
     doubt = np.minimum(_DOUBT * np.exp(-volume.distinctiveness / np.float32(_CLEAR)), _MOST) * height_range(cells.height, _DOUBTFUL)
     roughness, edge = _ROUGHNESS * height_range(cells.height, 1), _EDGE * height_range(cells.height, _WINDOW)
     sigma = np.sqrt(matching**2 + roughness**2 + doubt**2 + edge**2)

@@ -6,10 +6,11 @@ from statistics import median
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.stage_report import Chart, Grid, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
 from orthomill.tasks.densification.precision.class_medians import median_parallax_error
+from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, MatchingDifferences, usual_factor
 from orthomill.tasks.densification.precision.tie_points import TieCounts
 from orthomill.tasks.densification.report.surface_report import figures_of, rounded, share, surface_report
 from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
@@ -26,23 +27,39 @@ _FIGURES = (
     ("completeness_nodes", "", "Share of the nodes that were matched."),
     ("parallax_precision_median", "px", "Median standard error of a parallax, from matching alone."),
 )
+_DIFFERENCES = (
+    ("differences_cells", "", "Cells on which two pairs without a common photograph were compared."),
+    ("differences_factor", "", "What the standard errors of matching are worth by them: the factor that they were given."),
+)
+"""what pairs add where those without a common photograph were compared"""
 """name, unit and meaning of what pairs add to the figures of the surface"""
 
 
 def report(
-    pairs: EpipolarPairs, surface: Surface, matching: tuple[MatchingStatistics, ...], cells: SurfaceStatistics, ties: TieCounts
+    pairs: EpipolarPairs,
+    surface: Surface,
+    matching: tuple[MatchingStatistics, ...],
+    cells: SurfaceStatistics,
+    ties: TieCounts,
+    differences: MatchingDifferences = NO_DIFFERENCES,
 ) -> StageReport:
-    """The report of a surface from pairs; `matching` in the order of the pairs."""
+    """The report of a surface from pairs; `matching` in their order; differences: of those without a common photograph."""
     whole, warnings = surface_report(surface, cells, ties), tuple(_matching_warnings(pairs, matching))
     return whole.model_copy(
         update={
             "losses": (*whole.losses, *warnings),
-            "figures": (*figures_of(_FIGURES, _matching_values(pairs, matching)), *whole.figures),
+            "figures": (*figures_of(_FIGURES, _matching_values(pairs, matching)), *_compared(differences), *whole.figures),
             "grids": (_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), *whole.grids),
             "charts": (_parallax_chart(matching), *whole.charts),
             "warnings": (*warnings, *whole.warnings),
         }
     )
+
+
+def _compared(differences: MatchingDifferences) -> Iterator[Figure]:
+    if differences.cells:
+        values = {"differences_cells": differences.cells, "differences_factor": rounded(usual_factor(differences), 3)}
+        yield from figures_of(_DIFFERENCES, values)
 
 
 def completeness(statistics: MatchingStatistics) -> float | None:
