@@ -13,6 +13,8 @@ from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
 from orthomill.tasks.geometry.normal_case import Side, corner_rays
 
+_STRAY = 0.01
+"""share of tie points that may lie anywhere, on each side"""
 _WHOLE = 1e-6
 """cells: a corner as near to a whole number of them is one"""
 
@@ -31,7 +33,7 @@ def surface_of(
     block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: GridWish, wanted: WantedArea | None = None
 ) -> Surface:
     """The grid over the union of what the pairs see, in the area of the block where it has one, or over the area that is asked for:
-    that of the wish, or the bounds of polygons that are drawn.
+    that of the wish, or the bounds of polygons that are drawn; else no farther from tie points than a photograph is wide.
 
     Raises GeometryError when there is no pair, when no pair sees common ground, or none in the area.
     """
@@ -54,6 +56,10 @@ def surface_of(
             raise GeometryError(f"The pairs of photographs see no ground in the area {where}, {_corners(area)}; move it (grid).")
         # A client's sheet is as large as it is named, also where nothing is seen of it.
         low_corner, high_corner = (np.array(wish.area[:2]), np.array(wish.area[2:])) if wish.area else inner
+    elif len(points.x):
+        lowest, highest = _tied_ground(pairs, points, _level(block, points))
+        tied = np.maximum(low_corner, lowest), np.minimum(high_corner, highest)
+        low_corner, high_corner = tied if (tied[0] < tied[1]).all() else (low_corner, high_corner)
     # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
     origin = np.array(wish.origin)
     low_cells, high_cells = (low_corner - origin) / cell, (high_corner - origin) / cell
@@ -65,6 +71,17 @@ def surface_of(
     cols, rows = (last - first).tolist()
     grid = MapGrid(west=float(west), north=float(north), cell=cell, rows=rows, cols=cols)
     return Surface(grid=grid, height_low=low, height_high=high, wanted=wanted or WantedArea())
+
+
+def _tied_ground(pairs: EpipolarPairs, points: GroundPoints, z: float) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (2,), (2,) m of the ground on which tie points lie, but for stray ones, wider by an image on every side.
+
+    Photographs that look along the ground see it for miles, in pixels of metres that no tie point holds: a walk about a tree had a
+    surface of two hundred million cells.
+    """
+    wide = float(np.median([max(pair.rows, pair.left_cols) * _pixel_at(pair, z) for pair in pairs.pairs]))
+    low, high = np.percentile(np.column_stack([points.x, points.y]), (100.0 * _STRAY, 100.0 * (1.0 - _STRAY)), axis=0)
+    return low - wide, high + wide
 
 
 def _corners(area: Area) -> str:

@@ -256,6 +256,21 @@ def test_the_cell_is_that_of_most_of_the_surface():
     assert (fine, coarse) == (0.25, 1.0)
 
 
+def test_the_grid_ends_a_photograph_beyond_the_tie_points():
+    """An oblique pair sees the ground for miles: nothing but tie points tells how far the block reaches."""
+    pairs, (west, south, east, north) = EpipolarPairs(pairs=(PAIR,)), pair_bounds(PAIR, 20.0, 60.0)
+    raised = {f"{side}_centre": (*getattr(PAIR, f"{side}_centre")[:2], 9e3) for side in ("left", "right")}
+    high = PAIR.model_copy(update=raised)
+    far = pairs.model_copy(update={"pairs": (PAIR, PAIR, high)})
+    points = points_at(40.0, 40.0, 40.0, x=0.5 * (west + east))
+    points.y[:] = 0.5 * (south + north)
+    near = surface_of(block(), pairs, points, GridWish(cell=1.0)).grid
+    assert (near.cols, near.rows) == (np.ceil(east) - np.floor(west), np.ceil(north) - np.floor(south)), "a flight is not cut"
+    wide = surface_of(block(), far, points, GridWish(cell=1.0)).grid
+    first, _, last, _ = pair_bounds(high, 20.0, 60.0)
+    assert near.cols < wide.cols < 0.5 * (last - first)
+
+
 def test_an_area_bounds_the_grid_and_the_points_that_set_its_cell():
     pairs, (west, south, _, north) = EpipolarPairs(pairs=(PAIR,)), pair_bounds(PAIR, 20.0, 60.0)
     area = (west + 50.0, south - 90.0, west + 150.0, north - 30.0)
