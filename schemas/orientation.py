@@ -244,6 +244,8 @@ class ObservationGroup(BaseModel):
     """its part of the redundancy: the sum of its redundancy numbers"""
     factor: float
     """estimated by stated standard error"""
+    part: str = ""
+    """which of several groups with this name: the receiver, the kind of its solutions"""
 
 
 class SourceStatement(BaseModel):
@@ -319,6 +321,7 @@ class BlockPrecision(BaseModel):
     image_factor: float
     """estimated by stated standard error of the image measurements"""
     position_factor: float
+    """the largest of its groups"""
     control_factor: float
     rays: int
     rejected: int

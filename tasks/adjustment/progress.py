@@ -67,7 +67,7 @@ class Progress:
         network, distances = self.network, self.network.distances
         return replace(
             network,
-            centre_weight=network.centre_weight / self.factors.position**2,
+            centre_weight=network.centre_weight / self.factors.of_positions(network) ** 2,
             point_weight=network.point_weight / self.factors.control**2,
             distances=Distances(distances.ends, distances.length, distances.weight / self.factors.distance**2),
         )

@@ -56,7 +56,7 @@ def test_the_plain_solution_is_up_to_date_and_counts_its_iterations(block):
 
 
 def test_factors_scale_rays_by_group_and_weights_of_what_was_surveyed(block):
-    now = replace(begun(block), factors=Factors(2.0, 3.0, 4.0, 5.0, 6.0))
+    now = replace(begun(block), factors=Factors(2.0, 3.0, (4.0,), 5.0, 6.0))
     by_person = now.network.pointed[now.rays.point]
     assert now.weighted_rays.sigma == pytest.approx(now.rays.sigma * np.where(by_person, 3.0, 2.0))
     network = now.weighted_network

@@ -130,7 +130,8 @@ class Network:
     that looks straight down; shift (P, 3): the number of the unknown shift that each coordinate of a GNSS position contains (-1:
     none), ascending from 0, those of one flight for instance; free: no datum, inner constraints instead.
     lever (G, 3) m as in `State`, unknowns where lever_weight (3,) 1/m^2 is above 0; receiver (P,): numbers of the receivers, one
-    for each drone (empty: one for all); kept (K,) ascending numbers of the points that
+    for each drone (empty: one for all); gnss_group (P,): numbers of the groups of positions that were measured alike, each with a
+    variance component of its own (empty: all were); kept (K,) ascending numbers of the points that
     stay among the unknowns, the ends of `distances` among them; named: numbers of points that a person measured in the
     photographs, in addition to those with known coordinates; variation: interior parameters that each photograph has for itself.
     """
@@ -147,6 +148,7 @@ class Network:
     lever: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     lever_weight: np.ndarray = field(default_factory=lambda: np.zeros(3))
     receiver: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    gnss_group: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     kept: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     distances: Distances = NO_DISTANCES
     named: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -168,6 +170,11 @@ class Network:
     def levers(self, lever: np.ndarray) -> np.ndarray:
         """(P, 3) of each photograph, of values (G, 3) of the receivers."""
         return lever[self.receiver] if len(self.receiver) else np.broadcast_to(lever[0], (self.photos, 3))
+
+    @property
+    def gnss_groups(self) -> np.ndarray:
+        """(P,) the number of each photograph's group of positions."""
+        return self.gnss_group if len(self.gnss_group) else np.zeros(self.photos, np.int64)
 
     @property
     def pointed(self) -> np.ndarray:

@@ -24,13 +24,18 @@ class ObservationKind(StrEnum):
 @dataclass(frozen=True, eq=False)
 class Factors:
     """Ratio of estimated to stated standard errors of each group of observations: tie points in the photographs, surveyed points in
-    the photographs, GNSS positions, coordinates of surveyed points, distances."""
+    the photographs, GNSS positions (one for each of their groups, or one for all), coordinates of surveyed points, distances."""
 
     image: float = 1.0
     pointing: float = 1.0
-    position: float = 1.0
+    position: tuple[float, ...] = (1.0,)
     control: float = 1.0
     distance: float = 1.0
+
+    def of_positions(self, network: Network) -> np.ndarray:
+        """(P, 1) the factor of each photograph's position."""
+        groups = int(network.gnss_groups.max(initial=0)) + 1
+        return np.broadcast_to(np.array(self.position), groups)[network.gnss_groups, None]
 
 
 ROUNDING = 1e-2
@@ -41,13 +46,14 @@ AS_STATED = Factors()
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """A group of observations: the `count` of its numbers, its share of the redundancy (the sum of its redundancy numbers), and the
-    ratio of estimated to stated standard errors."""
+    """A group of observations: the `count` of its numbers, its share of the redundancy (the sum of its redundancy numbers), the
+    ratio of estimated to stated standard errors, and of positions the number of their group."""
 
     name: ObservationKind
     count: int
     redundancy: float
     factor: float
+    part: int = 0
 
     def __post_init__(self) -> None:
         # A projection: no data can make these numbers others, only a covariance that is not that of the adjustment.

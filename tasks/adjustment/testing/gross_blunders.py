@@ -51,7 +51,10 @@ def gross_blunder(
     """
     centres = np.flatnonzero(network.centre_weight.any(axis=1))
     points = _intersections(network, state, rays, limit)
-    found = _beyond(SurveyedKind.POSITION, centres, prior_sizes(network, state).centre[centres], limit)
+    found, groups = [], network.gnss_groups[centres]
+    for group in np.unique(groups):
+        own = centres[groups == group]
+        found += _beyond(SurveyedKind.POSITION, own, prior_sizes(network, state).centre[own], limit)
     found += _beyond(SurveyedKind.CONTROL, *_control_misfits(network, points), limit)
     found += _beyond(SurveyedKind.DISTANCE, *_distance_misfits(network, points), limit)
     return worst_of(network, [one for one in found if one.kind in kinds])
@@ -88,12 +91,17 @@ def pointing_spread(network: Network, state: State, rays: Rays) -> float:
 
 
 def surveyed_factors(network: Network, state: State, rays: Rays, limit: float) -> Factors:
-    """How many times larger than stated the usual misfits of positions and surveyed points are, where that is no chance; the others
-    as stated."""
-    sizes = prior_sizes(network, state).centre[network.centre_weight.any(axis=1)]
+    """How many times larger than stated the usual misfits of the groups of positions and of surveyed points are, where that is no
+    chance; the others as stated."""
+    sizes, known, groups = prior_sizes(network, state).centre, network.centre_weight.any(axis=1), network.gnss_groups
     misfits = _control_misfits(network, _intersections(network, state, rays, limit))[1]
-    position, control = (unit if (unit := usual_misfit(each)) > CONTRADICTED else 1.0 for each in (sizes, misfits))
-    return Factors(position=position, control=control)
+    position = tuple(_contradicted(sizes[known & (groups == group)]) for group in range(int(groups.max(initial=0)) + 1))
+    return Factors(position=position, control=_contradicted(misfits))
+
+
+def _contradicted(size: np.ndarray) -> float:
+    """The usual misfit of a group (n,), where it contradicts the stated standard errors."""
+    return unit if (unit := usual_misfit(size)) > CONTRADICTED else 1.0
 
 
 def lengths_of_rays(network: Network, state: State, rays: Rays, limit: float) -> tuple[np.ndarray, np.ndarray]:

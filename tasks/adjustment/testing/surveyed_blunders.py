@@ -28,11 +28,13 @@ CLEAR = 1.2
 
 
 class Misfits(NamedTuple):
-    """Tested observations of a kind: their numbers (n,), the quadratic forms (n,) of their misfits, and degrees of freedom (n,)."""
+    """Tested observations of a kind: their numbers (n,), the quadratic forms (n,) of their misfits, degrees of freedom (n,), and
+    the `group` (n,) of those that were measured alike."""
 
     number: np.ndarray
     square: np.ndarray
     dof: np.ndarray
+    group: np.ndarray
 
 
 def surveyed_blunder(
@@ -53,7 +55,8 @@ def is_outlier(rest: Adjustment, first: Network, blunder: Blunder, limit: float)
     """Whether an observation that took no part in `rest` (its weight is in the `first` network) contradicts it, in units of the
     usual misfit of the observations of its kind that took part."""
     square, numbers = _square_of_prediction(rest, first, blunder)
-    _, others, dof = _misfits(rest, blunder.kind)
+    misfits = _misfits(rest, blunder.kind)
+    others, dof = (values[misfits.group == _groups(rest, blunder.kind, np.array([blunder.number]))] for values in misfits[1:3])
     return bool(square > largest_square(limit, numbers) * usual_misfit(np.sqrt(others[dof > 0])) ** 2)
 
 
@@ -111,12 +114,18 @@ def usual_misfit(size: np.ndarray) -> float:
 
 
 def _beyond(kind: SurveyedKind, misfits: Misfits, limit: float, by_group: bool) -> list[Blunder]:
-    number, square, dof = misfits
-    size = np.sqrt(square)
+    number, square, dof, group = misfits
+    size, unit = np.sqrt(square), np.ones(len(square))
     beyond = np.sqrt(largest_square(limit, np.maximum(dof, 1)))
-    unit = usual_misfit(size[dof > 0]) if by_group else 1.0
+    for own in (group == one for one in np.unique(group)) if by_group else ():
+        unit[own] = usual_misfit(size[own & (dof > 0)])
     far = (dof > 0) & (size > beyond * unit)
-    return [Blunder(kind, int(i), float(s / unit)) for i, s in zip(number[far], size[far], strict=True)]
+    return [Blunder(kind, int(i), float(s)) for i, s in zip(number[far], (size / unit)[far], strict=True)]
+
+
+def _groups(result: Adjustment, kind: SurveyedKind, number: np.ndarray) -> np.ndarray:
+    """(n,) the groups of observations of a kind: each receiver errs in its own way."""
+    return result.network.gnss_groups[number] if kind == SurveyedKind.POSITION else np.zeros(len(number), np.int64)
 
 
 def _misfits(result: Adjustment, kind: SurveyedKind) -> Misfits:
@@ -136,7 +145,7 @@ def _control_misfits(result: Adjustment) -> Misfits:
         )
         for i in number
     ]
-    return _table(number, rows)
+    return _table(result, SurveyedKind.CONTROL, number, rows)
 
 
 def _position_misfits(result: Adjustment) -> Misfits:
@@ -145,7 +154,7 @@ def _position_misfits(result: Adjustment) -> Misfits:
     computed = position_covariances(result.as_computed, number)
     added = position_covariances(result, number) - computed
     rows = [misfit_square(network.centre_weight[i], residual[i], *own) for i, *own in zip(number, computed, added, strict=True)]
-    return _table(number, rows)
+    return _table(result, SurveyedKind.POSITION, number, rows)
 
 
 def _distance_misfits(result: Adjustment) -> Misfits:
@@ -155,12 +164,12 @@ def _distance_misfits(result: Adjustment) -> Misfits:
     tested = (weight > 0) & (redundancy > CHECKABLE)
     added = weight * (distance_variances(result) - variance)
     square = weight * residual**2 / np.maximum(redundancy + added, CHECKABLE)
-    return Misfits(np.flatnonzero(tested), square[tested], np.ones(int(tested.sum()), int))
+    return _table(result, SurveyedKind.DISTANCE, np.flatnonzero(tested), [(float(one), 1) for one in square[tested]])
 
 
-def _table(number: np.ndarray, rows: list[tuple[float, int]]) -> Misfits:
+def _table(result: Adjustment, kind: SurveyedKind, number: np.ndarray, rows: list[tuple[float, int]]) -> Misfits:
     table = np.array(rows).reshape(-1, 2)
-    return Misfits(number, table[:, 0], table[:, 1].astype(int))
+    return Misfits(number, table[:, 0], table[:, 1].astype(int), _groups(result, kind, number))
 
 
 def misfit_square(

@@ -30,20 +30,21 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
     # The residuals refer to the weights of the last solution, which contain the old factor: the new one multiplies it.
     image = old.image * float(np.sqrt(square / redundancy)) if redundancy > 0 else old.image
     own = result.as_computed
-    shares = (_image_share(result, pointings), _position_share(result), _control_share(own), _distance_share(own))
-    rest = [enlarged(f, *share) for f, share in zip((old.pointing, old.position, old.control, old.distance), shares, strict=True)]
-    # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
-    new = Factors(max(image, 1e-6), *rest)
-    counts = (
-        2 * int(ties.sum()),
-        2 * int(pointings.sum()),
-        _known(result.network.centre_weight),
-        _known(_seen_control(result)),
-        _known(result.network.distances.weight),
+    shares = (_image_share(result, pointings), _control_share(own), _distance_share(own))
+    pointing, control, distance = (
+        enlarged(f, *share) for f, share in zip((old.pointing, old.control, old.distance), shares, strict=True)
     )
-    parts = (redundancy, *(share[1] for share in shares))
-    factors = (new.image, *rest)
-    return new, tuple(Group(*row) for row in zip(ObservationKind, counts, parts, factors, strict=True) if row[1])
+    positions = _position_groups(result)
+    # Simulated exact observations have residuals of rounding only; a factor of 0 would be an infinite weight.
+    new = Factors(max(image, 1e-6), pointing, tuple(group.factor for group in positions), control, distance)
+    groups = (
+        Group(ObservationKind.TIES, 2 * int(ties.sum()), redundancy, new.image),
+        Group(ObservationKind.POINTINGS, 2 * int(pointings.sum()), shares[0][1], pointing),
+        *positions,
+        Group(ObservationKind.CONTROL, _known(_seen_control(result)), shares[1][1], control),
+        Group(ObservationKind.DISTANCES, _known(result.network.distances.weight), shares[2][1], distance),
+    )
+    return new, tuple(group for group in groups if group.count)
 
 
 def image_factor_without(result: Adjustment, lost: np.ndarray) -> float:
@@ -62,7 +63,7 @@ def image_factor_without(result: Adjustment, lost: np.ndarray) -> float:
 def converged(new: Factors, old: Factors) -> bool:
     """Whether two sets of factors agree within 1 %."""
     # One per cent of a standard error decides no test, and the next round would change it by less.
-    return all(abs(vars(new)[name] / vars(old)[name] - 1.0) <= 0.01 for name in vars(new))
+    return all(np.abs(np.divide(vars(new)[name], vars(old)[name]) - 1.0).max() <= 0.01 for name in vars(new))
 
 
 def _known(weight: np.ndarray) -> int:
@@ -82,20 +83,27 @@ def position_covariances(result: Adjustment, photos: np.ndarray) -> np.ndarray:
     return J @ result.cofactor.blocks.pieces(columns) @ J.transpose(0, 2, 1)
 
 
-def _position_share(result: Adjustment) -> tuple[float, float]:
-    """Weighted square sum and redundancy of the GNSS positions; heights that bend over the block count without that bend, and all
-    residuals only as far as nominal cameras do not explain them: neither is an error of the receiver, and larger standard errors
-    would only hide it."""
-    weight = result.network.centre_weight
+def _position_groups(result: Adjustment) -> list[Group]:
+    """The groups of the GNSS positions with their shares of the redundancy and their new factors; heights that bend over the block
+    count without that bend, and all residuals only as far as nominal cameras do not explain them: neither is an error of the
+    receiver, and larger standard errors would only hide it."""
+    network, weight = result.network, result.network.centre_weight
     photos = np.flatnonzero(weight.any(axis=1))
     residual = position_residuals(result.network, result.state)[photos]
     residual[:, 2] = without_bend(result.state.centre[photos, :2], residual[:, 2])
     root = np.sqrt(weight[photos])
     moved = root[:, :, None] * _moved_by_considered(result.white, photos)
-    square = _square_beyond((root * residual).ravel(), moved.reshape(residual.size, moved.shape[2]))
     # Of the sum centre + lever arm + shift, for that is what was observed; its parts are correlated.
     variance = np.diagonal(position_covariances(result.as_computed, photos), axis1=1, axis2=2)
-    return square, _known(weight) - float((weight[photos] * variance).sum())
+    old, group_of, groups = result.factors.of_positions(network), network.gnss_groups, []
+    for part in range(int(group_of.max(initial=0)) + 1):
+        own = group_of[photos] == part
+        square = _square_beyond((root * residual)[own].ravel(), moved[own].reshape(3 * int(own.sum()), moved.shape[2]))
+        count = _known(weight[photos][own])
+        redundancy = count - float((weight[photos] * variance)[own].sum())
+        before = float(old[group_of == part].max(initial=1.0))
+        groups.append(Group(ObservationKind.POSITIONS, count, redundancy, enlarged(before, square, redundancy), part))
+    return groups
 
 
 def _moved_by_considered(result: Adjustment, photos: np.ndarray) -> np.ndarray:

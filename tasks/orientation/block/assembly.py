@@ -56,7 +56,8 @@ class Problem:
     """The block in local numbers: `active` (p,) numbers of its photos, `names` of them, `rays` of tie points and surveyed points,
     `good` (M,) after the start, `ties` the number of tie points, `measured` the number of all rays of its photos, also of points
     that were never intersected; `surveyed`: points that a person measured, except check points; `groups`: names by part;
-    `receivers`: serial numbers of several drones."""
+    `receivers`: serial numbers of several drones; `gnss_groups`: what tells groups of positions apart that were measured alike
+    (empty: all were)."""
 
     active: np.ndarray
     names: tuple[str, ...]
@@ -72,6 +73,7 @@ class Problem:
     distances: tuple[tuple[int, int, float, float], ...]
     groups: tuple[tuple[str, ...], ...]
     receivers: tuple[str, ...] = ()
+    gnss_groups: tuple[str, ...] = ()
 
     @property
     def frame_sizes(self) -> np.ndarray:
@@ -278,6 +280,26 @@ def with_receivers(problem: Problem, photos: Photos) -> tuple[Problem, np.ndarra
     if len(names) < 2:
         return problem, np.zeros(0, np.int64)
     return replace(problem, receivers=tuple(names)), np.array([names.index(serial) for serial in serials])
+
+
+def with_gnss_groups(problem: Problem, photos: Photos) -> tuple[Problem, np.ndarray]:
+    """The problem with the names of the groups of positions that one receiver measured with solutions of one kind, where there are
+    several, and the number of the group of each photograph (P,); empty for one."""
+    has, rows = problem.known.positioned, [photos[name] for name in problem.names]
+    kinds = [(photo.serial or "", photo.fix or "") for photo in rows]
+    several = [len({kind[part] for kind, own in zip(kinds, has, strict=True) if own}) > 1 for part in (0, 1)]
+    names = [_gnss_group(serial if several[0] else None, fix if several[1] else None) for serial, fix in kinds]
+    found = list(dict.fromkeys(sorted(name for name, own in zip(names, has, strict=True) if own)))
+    if len(found) < 2:
+        return problem, np.zeros(0, np.int64)
+    # Photographs without a position belong to none; their number is never used.
+    number = np.array([found.index(name) if own else 0 for name, own in zip(names, has, strict=True)])
+    return replace(problem, gnss_groups=tuple(found)), number
+
+
+def _gnss_group(serial: str | None, fix: str | None) -> str:
+    words = [] if serial is None else [serial or "photographs without serial number"]
+    return ", ".join([*words, *([] if fix is None else [f"{fix or 'unstated'} solutions"])])
 
 
 def _tie_rays(material: GrowthMaterial, parts: list[Part], member: _Membership) -> tuple[Rays, np.ndarray]:

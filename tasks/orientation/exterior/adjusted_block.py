@@ -34,6 +34,7 @@ from orthomill.tasks.orientation.block.assembly import (
     problem_of,
     starting_values,
     taking_part,
+    with_gnss_groups,
     with_receivers,
 )
 from orthomill.tasks.orientation.block.camera_constant import Tested
@@ -378,9 +379,11 @@ def _attempt(have: _Input, parts: list[Part]) -> _Attempt:
     choices = have.choices
     problem, datum = problem_of(have.material, parts, have.cameras, have.control)
     problem, receivers = with_receivers(problem, have.photos)
+    problem, groups = with_gnss_groups(problem, have.photos)
     network, state, good = starting_values(have.material, problem, parts, datum, vertical_sigma(choices, have.photos))
     shifted = common_shift(network.photos) if choices.gnss_shift == "constant" else NOT_SHIFTED
     network = network.with_antenna(choices.lever_arm, lever_sigma(choices, problem.known), shifted, receivers)
+    network = replace(network, gnss_group=groups)
     state = state.with_antenna(network)
     if choices.variation.kind != "none":
         motion = frame_motion(problem, have.photos, network, state, problem.rays.take(good))

@@ -54,7 +54,7 @@ def _as_stated(result: Adjustment) -> Adjustment:
     factors, network = result.factors, result.network
     stated = replace(
         network,
-        centre_weight=network.centre_weight * factors.position**2,
+        centre_weight=network.centre_weight * factors.of_positions(network) ** 2,
         point_weight=network.point_weight * factors.control**2,
         distances=replace(network.distances, weight=network.distances.weight * factors.distance**2),
     )

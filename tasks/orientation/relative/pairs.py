@@ -9,7 +9,7 @@ from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.orientation import RelativeOrientation, RelativeOrientations
-from orthomill.schemas.photo import Photos
+from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
@@ -28,6 +28,8 @@ LEAST_SEEN, FARTHEST_SEEN = 8, 10.0
 iteration that inverts a folding distortion diverges to points far outside of any frame."""
 ON_LINE = 3.0
 """Matches within so many standard errors of one line of a frame leave the rotation about it undetermined."""
+APART = 3.0
+"""Positions that lie so many standard errors apart are not of one place."""
 CHANCE = -3.0
 """log10 of the expected number of chance agreements: below it, fewer than one in a thousand blocks of wrong matches."""
 FOLDED = (
@@ -62,7 +64,8 @@ def relate_pairs(photos: Photos, cameras: Cameras, tie_points: TiePoints, least:
         found = []
         for pair in chosen:
             left, right = (of_photo[number[name]] for name in pair)
-            found.append(_relate(pair, own, rays, coordinates, common_rays(rays, left, right)))
+            apart = _apart(photos[pair[0]], photos[pair[1]])
+            found.append(_relate(pair, own, rays, coordinates, common_rays(rays, left, right), apart))
         return found
 
     found = relate(cameras, pairs)
@@ -104,8 +107,21 @@ def common_rays(rays: Rays, left: np.ndarray, right: np.ndarray) -> tuple[np.nda
     return left[i], right[j]
 
 
+def _apart(left: Photo, right: Photo) -> float | None:
+    """m: how far apart two photographs were taken by their positions, where these say that they were not taken from one place."""
+    if left.position is None or right.position is None or left.position_sigma is None or right.position_sigma is None:
+        return None
+    away = float(np.linalg.norm(np.subtract(left.position, right.position)))
+    return away if away > APART * float(np.linalg.norm([left.position_sigma, right.position_sigma])) else None
+
+
 def _relate(
-    names: tuple[str, str], cameras: Cameras, rays: Rays, coordinates: np.ndarray, common: tuple[np.ndarray, np.ndarray]
+    names: tuple[str, str],
+    cameras: Cameras,
+    rays: Rays,
+    coordinates: np.ndarray,
+    common: tuple[np.ndarray, np.ndarray],
+    apart: float | None,
 ) -> RelativeOrientation:
     """The relative orientation of one pair by its `common` rays, or the row that says why there is none."""
     a, b = common
@@ -126,9 +142,11 @@ def _relate(
         relative = orient_robust(observations, c_left, c_right, expected)
     except GeometryError as error:
         # Matches of a pure rotation leave the base undetermined, which makes the relative orientation fail, too.
-        return _failed(names, len(a), str(error)) if rotated.kept.sum() < LEAST_KEPT else _without_base(names, rotated, len(a))
+        return (
+            _failed(names, len(a), str(error)) if rotated.kept.sum() < LEAST_KEPT else _without_base(names, rotated, len(a), apart)
+        )
     if rotated.kept.sum() >= max(LEAST_KEPT, NO_PARALLAX * relative.kept.sum()):
-        return _without_base(names, rotated, len(a))
+        return _without_base(names, rotated, len(a), apart)
     return _row(names, relative, observations, cameras.of(names[1]))
 
 
@@ -137,12 +155,19 @@ def _failed(names: tuple[str, str], matches: int, outcome: str) -> RelativeOrien
     return RelativeOrientation(left=names[0], right=names[1], matches=matches, kept=0, outcome=outcome)
 
 
-def _without_base(names: tuple[str, str], rotated: PureRotation, matches: int) -> RelativeOrientation:
-    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only rotated."""
+def _without_base(names: tuple[str, str], rotated: PureRotation, matches: int, apart: float | None) -> RelativeOrientation:
+    """The row of a pair whose rays do not intersect: the same photograph twice, or a camera that only rotated; or one that moved by
+    `apart` m, of which too few matches in too small a part of the frame show nothing."""
     kept = int(rotated.kept.sum())
     if rotated.same:
         where = f"{kept} tie points have the same pixel coordinates in both"
         outcome = f"{names[1]} is the same photograph as {names[0]} ({where}); leave one of them out."
+    elif apart is not None:
+        outcome = (
+            f"{kept} of {matches} matches of {names[0]} and {names[1]} fit a rotation of the camera alone, although their "
+            f"positions lie {apart:.0f} m apart: the matches are too few, or in too small a part of the frame, to show the "
+            "parallax. Larger copies of the photographs, or more overlap, give more of them."
+        )
     else:
         outcome = (
             f"{kept} of {matches} matches of {names[0]} and {names[1]} show no parallax, as if both were taken from one place "

@@ -34,7 +34,13 @@ def _ground(ground: GroundResiduals, role: str) -> Grid:
 def _groups(precision: BlockPrecision) -> Grid:
     rows = tuple(
         # The redundancy is a sum of redundancy numbers, so it has a fraction.
-        (g.name, g.count, round(g.redundancy, 1), round(100.0 * g.redundancy / max(g.count, 1), 1), g.factor)
+        (
+            ": ".join(filter(None, (g.name, g.part))),
+            g.count,
+            round(g.redundancy, 1),
+            round(100.0 * g.redundancy / max(g.count, 1), 1),
+            g.factor,
+        )
         for g in precision.groups
     )
     return Grid(

@@ -32,13 +32,13 @@ from orthomill.tasks.orientation.examined.block_facts import Facts, told_finding
 from orthomill.tasks.orientation.report.several_findings import finding_sentences
 
 GRAVE = (
-    BlockBent,
     NoDatum,
     UnitContradicted,
     ScaleContradicted,
-    SourcesDisagree,
-    OffsetAdjusted,
     ConstantOfItsOwn,
+    OffsetAdjusted,
+    BlockBent,
+    SourcesDisagree,
     MarksInAnotherFrame,
     ControlUnmet,
     LooksUpward,
@@ -54,7 +54,8 @@ GRAVE = (
     DistortionFolds,
     TiltUnobserved,
 )
-"""In the order in which they are told. Other findings concern single points and photographs, or a precision that is stated."""
+"""In the order in which they are told: causes that explain a contradiction come before what is left of it. Other findings concern
+single points and photographs, or a precision that is stated."""
 
 
 def block_doubts(facts: Facts) -> Iterator[str]:
@@ -73,6 +74,4 @@ def _is_minor(finding: BlockFinding) -> bool:
     models of lenses leave."""
     if isinstance(finding, BlockBent):
         return not finding.grave
-    if isinstance(finding, ConstantOfItsOwn):
-        return finding.used
     return isinstance(finding, ConstantContradicted) and finding.guessed and not finding.fixed

@@ -14,7 +14,7 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
 from orthomill.tasks.adjustment.model.network import Network, common_shift
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Group, ObservationKind
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
@@ -43,7 +43,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     arms = tuple(_lever_arms(problem, result))
     return BlockPrecision(
         image_factor=factors.image,
-        position_factor=factors.position,
+        position_factor=max(factors.position),
         control_factor=factors.control,
         rays=int(result.used.sum()),
         # Measurements of points that never got a place count as rejected: they took no part either.
@@ -55,7 +55,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         lever_arms=arms if len(arms) > 1 else (),
         offsets=() if _is_common(network) else offsets_of(result, problem.names),
         sources=results.statements,
-        groups=tuple(ObservationGroup(name=g.name, count=g.count, redundancy=g.redundancy, factor=g.factor) for g in result.groups),
+        groups=tuple(_group(problem, group) for group in result.groups),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
         blunders=(*(row.name for row in points), *(f"{row.first} - {row.second}" for row in distances)),
@@ -74,6 +74,11 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
             *_unconnected(problem, apart),
         ),
     )
+
+
+def _group(problem: Problem, group: Group) -> ObservationGroup:
+    own = problem.gnss_groups[group.part] if group.name == ObservationKind.POSITIONS and problem.gnss_groups else ""
+    return ObservationGroup(name=group.name, count=group.count, redundancy=group.redundancy, factor=group.factor, part=own)
 
 
 def _about_bend(finding: BlockFinding) -> bool:

@@ -113,5 +113,5 @@ def test_standard_errors_that_all_control_contradicts_are_enlarged_and_chance_is
     for size, enlarged in ((1.0, False), (40.0, True)):
         noisy = surveyed_noise(network, rng, control=size)
         factors = surveyed_factors(noisy, state, rays, 6.0)
-        assert factors.position == factors.image == 1.0
+        assert factors.position == (1.0,) and factors.image == 1.0
         assert (factors.control == pytest.approx(size, rel=0.5)) if enlarged else (factors.control == 1.0)

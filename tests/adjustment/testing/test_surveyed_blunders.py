@@ -54,7 +54,7 @@ def test_misfits_of_control_are_the_quadratic_forms_of_dense_algebra(good):
     result = solved(network, state, rays)
     _, normal, _ = dense(network, result.state, rays)
     Q, n = np.linalg.inv(normal), network.unknowns
-    number, square, dof = _misfits(result, CONTROL)
+    number, square, dof, _ = _misfits(result, CONTROL)
     assert list(number) == list(range(12)) and (dof == 3).all()
     for i in number[::3]:
         place = n + 3 * i + np.arange(3)
@@ -66,7 +66,7 @@ def test_misfits_of_control_are_the_quadratic_forms_of_dense_algebra(good):
 def test_misfits_of_positions_are_those_of_the_antennas(good):
     network, state, rays = good
     result = solved(replace(network, shift=NOT_SHIFTED), state, rays)
-    number, square, dof = _misfits(result, POSITION)
+    number, square, dof, _ = _misfits(result, POSITION)
     Q = result.cofactor.joint(np.arange(3))
     v = network.centre[0] - result.state.centre[0]
     assert list(number) == list(range(8)) and (dof == 3).all()
@@ -80,7 +80,7 @@ def test_a_coordinate_that_defines_the_datum_is_not_tested():
     # Seven coordinates hold the datum alone: none of them is checked by another.
     weight[1, 2] = weight[2, 0] = 0.0
     minimal = replace(network, point_weight=weight, centre_weight=np.zeros((4, 3)), shift=NOT_SHIFTED)
-    _, _, dof = _misfits(solved(minimal, state, rays), CONTROL)
+    _, _, dof, _ = _misfits(solved(minimal, state, rays), CONTROL)
     assert not dof.any()
     assert surveyed_blunder(solved(minimal, state, rays), 3.0) is None
 

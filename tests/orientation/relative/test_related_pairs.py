@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from simulated_block import DRONE, one_strip, simulate, view
 
+from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
@@ -102,6 +103,17 @@ def test_a_rotated_camera_is_named_with_its_rotation():
     assert "taken from one place (pure rotation)" in pair.outcome and not pair.same_photo
     expected = rotation_matrix(*np.radians([3, -2, 95])) @ rotation_matrix(0, 0, np.radians(90)).T
     np.testing.assert_allclose(rotation_matrix(*np.radians(pair.omega_phi_kappa)), expected, atol=2e-3)
+
+
+def test_positions_that_lie_apart_are_not_called_one_place():
+    block = two_views(((407000, 4357000, 180), (3, -2, 95)))
+    places = {"a": (407000.0, 4357000.0, 180.0), "b": (407040.0, 4357000.0, 180.0)}
+    photos = tuple(
+        photo.model_copy(update={"position": places[photo.name], "position_sigma": (3.0, 3.0, 5.0)})
+        for photo in block.photos.photos
+    )
+    pair = only_pair(replace(block, photos=Photos(photos=photos)))
+    assert "positions lie 40 m apart" in pair.outcome and "one place" not in pair.outcome
 
 
 def test_the_same_photograph_twice_is_named():

@@ -3,7 +3,8 @@
 from types import SimpleNamespace
 
 from orthomill.schemas.findings.camera_findings import ConstantContradicted
-from orthomill.schemas.findings.datum_findings import AxesExchanged, NoDatum
+from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted
+from orthomill.schemas.findings.datum_findings import AxesExchanged, BlockBent, NoDatum
 from orthomill.tasks.orientation.report.block_doubts import GRAVE, block_doubts
 
 
@@ -27,3 +28,11 @@ def test_a_guessed_constant_that_the_block_found_is_no_doubt():
     ):
         facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(finding,)))
         assert len(list(block_doubts(facts))) == count
+
+
+def test_a_camera_constant_that_no_tag_tells_comes_before_the_bend_that_is_left():
+    zoom = ConstantOfItsOwn(photos=("a", "b"), camera="cam", c_px=702.0, others_px=468.0)
+    assert GRAVE.index(ConstantOfItsOwn) < GRAVE.index(OffsetAdjusted) < GRAVE.index(BlockBent)
+    facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(zoom,)))
+    (told,) = block_doubts(facts)
+    assert "1.5 times the camera constant" in told

@@ -250,6 +250,18 @@ def test_what_is_worse_than_stated_is_told_with_its_factor(with_precision, chang
     assert phrase in found
 
 
+def test_the_group_of_positions_that_is_worse_than_stated_is_named(with_precision):
+    groups = [
+        ObservationGroup(name=ObservationKind.POSITIONS, count=30, redundancy=20.0, factor=factor, part=part)
+        for part, factor in (("drone A", 1.0), ("drone B", 24.5))
+    ]
+    (found,) = block_warnings(with_precision(position_factor=24.5, groups=tuple(groups)))
+    assert "Some groups of GNSS positions" in found and "drone B (24.5 times)" in found and "drone A" not in found
+    both = tuple(group.model_copy(update={"factor": 4.0}) for group in groups)
+    (found,) = block_warnings(with_precision(position_factor=4.0, groups=both))
+    assert found.startswith("The GNSS positions are worse than stated")
+
+
 def test_control_without_heights_is_told_once(with_precision):
     """That it does not fit, and that it is worse than stated, are the same fact."""
     facts = with_precision(control_factor=36.1, findings=(DatumMisfit(ratio=32.0),))

@@ -10,6 +10,7 @@ from simulated_block import DRONE, simulate, surface, view
 from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.raster import MapGrid
+from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.sources.elevation_model import Lattice
 
@@ -140,3 +141,27 @@ def test_an_elevation_model_is_a_source_of_heights(raised, told):
     row = rows["elevation model", "shift in height"]
     assert row.value - row.others == pytest.approx(-raised, abs=8.0) and row.sigma < 1.0
     assert len(of_code(out, "sources_disagree")) == told
+
+
+def two_drones(seed, sigma):
+    """Four strips with stated errors of 2 cm, of which the odd ones were flown by a drone whose positions err by `sigma` m."""
+    rng, block = np.random.default_rng(seed), grid(seed, strips=4)
+    odd = [v.name.startswith(("s1", "s3")) for v in block.views]
+    return changed(
+        block,
+        lambda i, photo: {
+            "serial": "B" if odd[i] else "A",
+            "flight": int(odd[i]),
+            "position": tuple(np.array(photo.position) + odd[i] * rng.normal(0, sigma, 3)),
+        },
+    )
+
+
+@pytest.mark.slow
+def test_the_drone_whose_positions_err_is_weighed_down_and_the_other_keeps_its_weight():
+    block = two_drones(9, 0.5)
+    out = orient(block)
+    good, bad = (group for group in out["precision"].groups if group.name == ObservationKind.POSITIONS)
+    assert (good.part, bad.part) == ("A", "B") and good.factor == 1.0 and 15 < bad.factor < 40
+    assert out["precision"].blunders == () and not of_code(out, "offset_adjusted")
+    assert np.sqrt((errors(block, out) ** 2).mean(axis=0)).max() < 0.06
