@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.serving.marking.field_files import next_sentence
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
 from orthomill.pipeline.serving.marking.marking_session import KnowsTheBlock, MarkingSession
 from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages, MaskOf
@@ -25,6 +26,8 @@ from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUA
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photos
 
+MOST_FORESEEN = 120
+"""photographs: the covariance of larger blocks takes longer than a plan should"""
 GivenPoints = Callable[[Photos, str, str | None, str], Marks]
 _TABLES: dict[str, Table[Any]] = {"block": BLOCK, "tie_points": TIE_POINTS, "residuals": IMAGE_RESIDUALS, "ground": GROUND_POINTS}
 
@@ -65,6 +68,24 @@ def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | Non
         known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
         masks = MaskImages(loaded.root, marks_folder(loaded) / MASKS, photos.photos, marking.mask_of)
         yield MarkingSession(name, ledger, PhotographCrops(store, photos), known, masks)
+
+
+def foreseen_points(loaded: LoadedWorkflow, marking: Marking) -> Iterator[str]:
+    """Where another point would help a block most that is oriented, with the control that it has; nothing is written."""
+    store = Store(loaded.run_folder)
+    tables: dict[str, Any] = {key: store.table(table) for key, table in _TABLES.items() if store.has_table(table)}
+    if not (store.has_table(PHOTOS) and store.has_table(CAMERAS) and "block" in tables):
+        return
+    photos = store.table(PHOTOS)
+    if len(photos.photos) > MOST_FORESEEN:
+        yield f"Where another control point would help most: orthomill mark {loaded.project.project} --where"
+        return
+    known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=None, **tables)
+    control = marking.marks_of(store.table(CONTROL)) if store.has_table(CONTROL) else Marks()
+    found = known.next_points(control)
+    yield from (next_sentence(one) for one in found)
+    if found:
+        yield f"As GPX and GeoJSON for the field: orthomill mark {loaded.project.project} --where"
 
 
 def marked_automatically(session: MarkingSession, targets_in: Callable[[np.ndarray], tuple[FoundTarget, ...]]) -> Iterator[str]:

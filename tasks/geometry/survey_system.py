@@ -11,7 +11,7 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.aoi import AreaOfInterest
 from pyproj.crs import GeographicCRS
-from pyproj.exceptions import ProjError
+from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
@@ -77,6 +77,20 @@ def vertical_name(text: str) -> str | None:
     # A geographic or projected system with three axes has ellipsoidal heights.
     base = crs.geodetic_crs
     return f"ellipsoid of {base.name}" if base is not None and len(crs.axis_info) == 3 else None
+
+
+def system_name(text: str) -> str:
+    """A reference system as people call it, its heights, and its code; the text itself where PROJ does not know it."""
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError:
+        return text
+    if crs.is_compound:
+        plan, heights = (part.name for part in crs.sub_crs_list[:2])
+        name = f"{plan}, heights: {heights}"
+    else:
+        name = f"{crs.name}, heights above the ellipsoid" if crs.is_projected and len(crs.axis_info) == 3 else crs.name
+    return f"{name} ({text})" if len(text) < _LONG else name
 
 
 def height_unit(text: str) -> float:

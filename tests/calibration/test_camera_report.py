@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.camera import BrownLens, Camera, Cameras
-from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.photo import FactoryCamera, Photo, Photos
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
 from orthomill.tasks.calibration.cameras.untagged_photographs import Substitute, UntaggedPhotos
 from orthomill.tasks.calibration.report.cameras_report import _with_sigma, cameras_report, untagged_sentence
@@ -111,6 +111,21 @@ def test_nominal_cameras_and_contradicting_tags_are_reported():
     assert "2000 px by focal length and pixel size, but 647 px by the 35 mm equivalent" in wrong[1]
     once = report(exif, photos=tuple(fair.model_copy(update={"name": n, "focal_35mm": 28.0}) for n in "ab")).warnings
     assert len(once) == 2, "once per camera, not per photograph"
+
+
+@pytest.mark.parametrize(
+    ("kind", "dewarped", "words", "level"),
+    [
+        ("calibrated", True, "calibrated by the maker, whose distortion the camera has removed", "good"),
+        ("design", False, "the maker's drawings of the lens", "fair"),
+    ],
+)
+def test_a_constant_of_the_maker_is_not_called_nominal(kind, dewarped, words, level):
+    factory = FactoryCamera(kind=kind, c=700.0)
+    shown = CAMERA.model_copy(update={"source": "exif", "lens": BrownLens(), "covariance": None})
+    found = report(shown, photos=(photo(factory=factory, dewarped=dewarped),))
+    assert words in found.grids[0].note and found.verdict.level == level
+    assert any("nominal" in sentence for sentence in found.warnings) == (kind == "design")
 
 
 def test_photographs_without_tags_come_first_and_name_their_substitute():

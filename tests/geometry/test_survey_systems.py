@@ -6,7 +6,7 @@ from pyproj import CRS, Transformer
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, transform_surveyed, vertical_name
+from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, system_name, transform_surveyed, vertical_name
 
 SITE = np.array([[407100.0, 4357010.0, 100.0], [407300.0, 4357400.0, 120.0], [407000.0, 4357100.0, 110.0]])
 GREECE = "EPSG:2100"
@@ -123,3 +123,16 @@ def test_the_usual_mistakes_are_recognised(points, fits):
 def test_the_site_and_not_the_numbers_decides():
     """The same points are on another site when the photographs were taken 60 km away."""
     assert fitting_system(SITE, GREECE, GREECE, SITE[0, :2] + [0, 60_000.0]) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("EPSG:32632+4979", "WGS 84 / UTM zone 32N, heights above the ellipsoid (EPSG:32632+4979)"),
+        ("EPSG:2100+5773", "GGRS87 / Greek Grid, heights: EGM96 height (EPSG:2100+5773)"),
+        ("EPSG:2100", "GGRS87 / Greek Grid (EPSG:2100)"),
+        ("the site's own", "the site's own"),
+    ],
+)
+def test_a_system_is_called_as_people_call_it(text, name):
+    assert system_name(text) == name

@@ -34,6 +34,16 @@ def plan(name: Name, from_stage: From = None, until: Until = None, debug: Debug 
             out.print(f"note: {escape(sentence)}", soft_wrap=True)
         for note in plan_notes(session, expected):
             out.print(escape(note), soft_wrap=True)
+        from orthomill.schemas.orientation import BLOCK
+
+        if not session.store.has_table(BLOCK):
+            return
+        # Only then: these load all that a block is made of.
+        from orthomill.pipeline.cli.mark import Marking, foreseen_points
+        from orthomill.tasks.lookups import given_points, hidden_mask, marker_of, marks_of
+
+        for sentence in foreseen_points(loaded, Marking(marker_of, given_points, marks_of, hidden_mask)):
+            out.print(escape(sentence), soft_wrap=True)
 
 
 @state.command()

@@ -5,6 +5,7 @@ it is one with lens distortion and narrower standard errors.
 """
 
 import json
+from typing import Literal
 
 import numpy as np
 from pydantic import ValidationError
@@ -43,12 +44,20 @@ def nominal_constant(photo: Photo) -> tuple[float, float] | None:
 
     A calibration in the tags is best, then focal length and pixel size, the lens's drawings, and the 35 mm equivalent.
     """
+    kind = constant_of_maker(photo)
+    if photo.factory is None or kind is None:
+        return _by_pixel(photo) or _by_equivalent(photo)
+    c = photo.factory.c * photo.zoom
+    return c, (_SHARE_CALIBRATED if kind == "calibrated" else _SHARE_DESIGN) * c
+
+
+def constant_of_maker(photo: Photo) -> Literal["calibrated", "design"] | None:
+    """Whether the camera constant is that of a calibration in the tags or of the lens's drawings; None: of neither."""
+    if _calibration(photo) is not None:
+        return "calibrated"
     by_focal = _by_pixel(photo) or _by_equivalent(photo)
-    if (calibration := _calibration(photo)) is not None:
-        return calibration.c * photo.zoom, _SHARE_CALIBRATED * calibration.c * photo.zoom
-    if photo.factory and not (photo.focal_mm and photo.pixel_um) and _agrees(photo.factory.c * photo.zoom, by_focal):
-        return photo.factory.c * photo.zoom, _SHARE_DESIGN * photo.factory.c * photo.zoom
-    return by_focal
+    by_design = photo.factory and not (photo.focal_mm and photo.pixel_um) and _agrees(photo.factory.c * photo.zoom, by_focal)
+    return "design" if by_design else None
 
 
 def _calibration(photo: Photo) -> FactoryCamera | None:

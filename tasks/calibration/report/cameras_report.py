@@ -8,7 +8,7 @@ from orthomill.schemas.errors import some_of
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport, Verdict
 from orthomill.tasks.calibration.cameras.camera_sharing import SharedCameras
-from orthomill.tasks.calibration.cameras.nominal_cameras import nominal_constant
+from orthomill.tasks.calibration.cameras.nominal_cameras import constant_of_maker, nominal_constant
 from orthomill.tasks.calibration.cameras.radial_curves import radial_curves
 from orthomill.tasks.calibration.cameras.untagged_photographs import GUESS_SHARE, Substitute, UntaggedPhotos
 from orthomill.tasks.geometry.camera_change import sensor_name
@@ -32,6 +32,9 @@ _SOURCES = {
 }
 
 
+_MAKER = "calibrated by the maker, from the tags"
+_DEWARPED = "calibrated by the maker, whose distortion the camera has removed, from the tags"
+_DESIGN = "camera constant from the maker's drawings of the lens, without distortion, from the tags"
 # EXIF rounds both descriptions of one lens: an equivalent of 28 mm is good to 2 %, a pixel size from the sensor's format to a few
 # percent. What differs by more is a wrong tag.
 _CONTRADICTION = 0.15
@@ -41,42 +44,52 @@ _CONTRADICTION = 0.15
 def cameras_report(cameras: Cameras, shared: SharedCameras) -> StageReport:
     """The report of the cameras in use. shared: the photographs and the cameras of the sensors that they were made from."""
     shown = tuple(cameras.cameras.values())
-    figures = (Figure(name="cameras", value=len(shown), sentence="Interior orientations in use."), *_camera_figures(shown))
+    sources = _sources_in_tags(shared.photos)
+    count = Figure(name="cameras", value=len(shown), sentence="Interior orientations in use.")
     warnings = [
         *map(untagged_sentence, shared.untagged),
         *_scale_warnings(cameras, shared.cameras),
-        *_nominal_warnings(shown, shared.photos),
+        *_nominal_warnings(shown, shared.photos, sources),
     ]
     return StageReport(
-        verdict=_verdict(shown),
-        figures=figures,
-        grids=_camera_grids(cameras),
+        verdict=_verdict(shown, sources),
+        figures=(count, *_camera_figures(shown, sources)),
+        grids=_camera_grids(cameras, sources),
         charts=(_distortion_chart(shown),),
         warnings=tuple(warnings),
     )
 
 
-def _verdict(cameras: tuple[Camera, ...]) -> Verdict:
-    nominal = sum(_is_nominal(camera) for camera in cameras)
+def _verdict(cameras: tuple[Camera, ...], sources: dict[str, str]) -> Verdict:
+    nominal = sum(_is_nominal(camera, sources) for camera in cameras)
     if nominal:
         which = "The camera is" if len(cameras) == 1 else f"{nominal} of {len(cameras)} cameras are"
         return Verdict(level="fair", sentence=f"{which} known from EXIF only, without lens distortion; a calibration is better.")
-    sources = sorted({_source(camera) for camera in cameras})
-    return Verdict(level="good", sentence=f"Interior orientation {' and '.join(sources)}.")
+    known = sorted({_source(camera, sources) for camera in cameras})
+    return Verdict(level="good", sentence=f"Interior orientation {' and '.join(known)}.")
 
 
-def _is_nominal(camera: Camera) -> bool:
+def _is_nominal(camera: Camera, sources: dict[str, str]) -> bool:
     """Whether the tags gave a camera without distortion: not a calibration."""
-    return camera.source == "exif" and not any(camera.value(name) for name in ("k1", "k2", "p1", "p2"))
+    undistorted = not any(camera.value(name) for name in ("k1", "k2", "p1", "p2"))
+    return camera.source == "exif" and undistorted and sources.get(camera.name) not in (_MAKER, _DEWARPED)
 
 
-def _source(camera: Camera) -> str:
-    return (
-        "calibrated by the maker, from the tags" if camera.source == "exif" and not _is_nominal(camera) else _SOURCES[camera.source]
-    )
+def _source(camera: Camera, sources: dict[str, str]) -> str:
+    return sources.get(camera.name, _SOURCES[camera.source]) if camera.source == "exif" else _SOURCES[camera.source]
 
 
-def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
+def _sources_in_tags(photos: Photos) -> dict[str, str]:
+    """Camera -> where the maker's constant in the tags comes from, for those that have one."""
+    out = {}
+    for photo in photos.photos:
+        if (kind := constant_of_maker(photo)) is not None:
+            calibrated = _DEWARPED if photo.dewarped else _MAKER
+            out.setdefault(photo.camera, calibrated if kind == "calibrated" else _DESIGN)
+    return out
+
+
+def _camera_figures(cameras: tuple[Camera, ...], sources: dict[str, str]) -> tuple[Figure, ...]:
     if len(cameras) != 1:
         return ()
     camera = cameras[0]
@@ -93,7 +106,7 @@ def _camera_figures(cameras: tuple[Camera, ...]) -> tuple[Figure, ...]:
             sentence="Standard error of the camera constant.",
             headline=calibrated,
         ),
-        Figure(name="source", value=_source(camera), sentence="Where the interior orientation comes from."),
+        Figure(name="source", value=_source(camera, sources), sentence="Where the interior orientation comes from."),
     )
 
 
@@ -125,12 +138,12 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else float(f"{value:.{digits}g}")
 
 
-def _camera_grids(cameras: Cameras) -> tuple[Grid, ...]:
+def _camera_grids(cameras: Cameras, sources: dict[str, str]) -> tuple[Grid, ...]:
     counts = Counter(cameras.of_photo.values())
-    return tuple(_camera_grid(camera, counts[name]) for name, camera in cameras.cameras.items())
+    return tuple(_camera_grid(camera, counts[name], _source(camera, sources)) for name, camera in cameras.cameras.items())
 
 
-def _camera_grid(camera: Camera, photographs: int) -> Grid:
+def _camera_grid(camera: Camera, photographs: int, source: str) -> Grid:
     rows: list[tuple[float | int | str | None, ...]] = [
         (name, *_with_sigma(camera.value(name), _sigma(camera, name)), _UNITS.get(name, "")) for name in camera.parameters
     ]
@@ -140,7 +153,7 @@ def _camera_grid(camera: Camera, photographs: int) -> Grid:
         rows.append(("c", f"{camera.c * camera.pixel_um / 1000:.6g}", "", "mm"))
     serves = f", {photographs} photographs" if photographs else ""
     note = (
-        f"{camera.width} x {camera.height} px, {_source(camera)}{serves}; {LENS_NAMES[camera.lens.kind]}. Radius in units "
+        f"{camera.width} x {camera.height} px, {source}{serves}; {LENS_NAMES[camera.lens.kind]}. Radius in units "
         "of c, numbers as in OpenCV; x right, y up, from the image centre."
     )
     return Grid(
@@ -190,9 +203,9 @@ def _scale_warnings(cameras: Cameras, sources: dict[str, Camera]) -> list[str]:
     return warnings
 
 
-def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos) -> list[str]:
+def _nominal_warnings(cameras: tuple[Camera, ...], photos: Photos, sources: dict[str, str]) -> list[str]:
     warnings = []
-    if any(map(_is_nominal, cameras)):
+    if any(_is_nominal(camera, sources) for camera in cameras):
         warnings.append(
             "The interior orientation is nominal, from EXIF tags, without lens distortion; the block adjustment has to refine it."
         )

@@ -4,6 +4,7 @@ from orthomill.schemas.maps.map_page import CloudLayer, MapPage, ValueLayer
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.stage_report import Picture
+from orthomill.tasks.geometry.survey_system import system_name
 from orthomill.tasks.viewer.photographs_on_map import map_cameras
 
 
@@ -17,4 +18,4 @@ def map_page(
 ) -> MapPage:
     """The page of a project."""
     cameras = map_cameras(block, photos)
-    return MapPage(project=project, pictures=pictures, values=values, cameras=cameras, system=block.crs, cloud=cloud)
+    return MapPage(project=project, pictures=pictures, values=values, cameras=cameras, system=system_name(block.crs), cloud=cloud)

@@ -57,6 +57,7 @@ def test_plan_of_a_finished_run_says_unchanged_and_writes_nothing(done):
     before = {path: path.stat().st_mtime_ns for path in done.rglob("*")}
     said = command("plan", "site")
     assert said.count("unchanged") == 4 and "not done yet" not in said and "?" not in said and "As a whole" not in said
+    assert "A control point at " in said and "As GPX and GeoJSON for the field: orthomill mark site --where" in said
     assert {path: path.stat().st_mtime_ns for path in done.rglob("*")} == before
 
 
