@@ -81,7 +81,7 @@ def _source(camera: Camera, sources: dict[str, str]) -> str:
 
 def _sources_in_tags(photos: Photos) -> dict[str, str]:
     """Camera -> where the maker's constant in the tags comes from, for those that have one."""
-    out = {}
+    out: dict[str, str] = {}
     for photo in photos.photos:
         if (kind := constant_of_maker(photo)) is not None:
             calibrated = _DEWARPED if photo.dewarped else _MAKER
