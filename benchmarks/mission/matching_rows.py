@@ -77,7 +77,7 @@ MATCHING = (
     Row(
         "Combined sizes; assign a share of the points",
         "matching.md#window-size",
-        _SIZES % "combined",
+        "{kind: densification, matching: {kind: region_growing, assigned: 95, growing: {matching: {window: {kind: combined}}}}}",
         "no figure printed of the share",
         Found(
             "window_sizes",

@@ -31,6 +31,7 @@ from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.settings.guided_matching import Guided
 from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace, VerticalLineLocus
+from orthomill.tasks.densification.strategies.assigned_windows import windows_table
 from orthomill.tasks.densification.strategies.strategy_block import make_pair_surface
 from orthomill.tasks.densification.surface_grid import GridWish, surface_of, window_cells
 from orthomill.tasks.densification.surface_tile import SurfaceRules, make_surface
@@ -164,6 +165,8 @@ def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int)
 
 def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...], more: Mapping[str, Reading] | None = None) -> Job:
     reads = {**_read_of_pairs(pairs), **(more or {})}
+    if isinstance(asked.matching, PairStrategy) and asked.matching.assigned is not None:
+        reads["windows"] = tuple(windows_table(pair.name) for pair in pairs)
     return Job(stage=asked.kind, item="report", function=report, reads=reads, writes={"report": report_table(asked.kind)})
 
 

@@ -4,13 +4,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
-from orthomill.schemas.job import Job, Raster, Reading
+from orthomill.schemas.job import Job, Raster, Reading, Stream
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.plan.near_model_jobs import MODEL
 from orthomill.tasks.densification.plan.pair_jobs import block_writes, counts_job, node_specs
 from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
+from orthomill.tasks.densification.strategies.assigned_windows import assigned_windows, strips_of, windows_table
 from orthomill.tasks.densification.strategies.near_model import model_area
 from orthomill.tasks.densification.strategies.pair_strategies import halo
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock, match_by_strategy
@@ -22,10 +23,26 @@ def strategy_plan(pair: EpipolarPair, strategy: PairStrategy, surface: Surface, 
     shape = nodes_shape(pair, strategy.step)
     chunk = max(shape) if strategy.whole else max(SIDE // strategy.step, 1)
     yield from node_specs(pair, strategy.step, chunk)
+    if strategy.assigned is not None:
+        yield _windows_job(pair, strategy, stage)
     tiles = list(tiles_of(shape, chunk))
     for tile in tiles:
         yield _block_job(pair, strategy, tile, surface, stage)
     yield counts_job(stage, pair, tiles)
+
+
+def _windows_job(pair: EpipolarPair, strategy: PairStrategy, stage: str) -> Job:
+    """The limits that give the wanted share of the points of a pair a window."""
+    strips = strips_of(pair, strategy)
+    return Job(
+        stage=stage,
+        item=f"{pair.name}-windows",
+        function=assigned_windows,
+        reads={"left": Stream(tuple(Raster(epipolar_raster(pair.name, "left"), strip) for strip in strips))},
+        writes={"windows": windows_table(pair.name)},
+        params={"pair": pair, "strategy": strategy},
+        scratch=max(strip.cells for strip in strips) * 64,
+    )
 
 
 def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, surface: Surface, stage: str) -> Job:
@@ -38,6 +55,8 @@ def _block_job(pair: EpipolarPair, strategy: PairStrategy, tile: Tile, surface: 
             reads[side] = Raster(epipolar_raster(pair.name, side), window)
     if block.model is not None and not block.model.window.empty:
         reads["posts"] = Raster(MODEL, block.model.window)
+    if strategy.assigned is not None:
+        reads["windows"] = windows_table(pair.name)
     return Job(
         stage=stage,
         item=pair.name,

@@ -13,6 +13,7 @@ from orthomill.tasks.densification.precision.class_medians import median_paralla
 from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, MatchingDifferences, usual_factor
 from orthomill.tasks.densification.precision.tie_points import TieCounts
 from orthomill.tasks.densification.report.surface_report import figures_of, rounded, share, surface_report
+from orthomill.tasks.densification.strategies.assigned_windows import AssignedWindows, limits_in_words
 from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 
@@ -42,14 +43,16 @@ def report(
     cells: SurfaceStatistics,
     ties: TieCounts,
     differences: MatchingDifferences = NO_DIFFERENCES,
+    windows: tuple[AssignedWindows, ...] = (),
 ) -> StageReport:
-    """The report of a surface from pairs; `matching` in their order; differences: of those without a common photograph."""
+    """The report of a surface from pairs; `matching`, and `windows` where a share of the points was to get one, in their order;
+    differences: of those without a common photograph."""
     whole, warnings = surface_report(surface, cells, ties), tuple(_matching_warnings(pairs, matching))
     return whole.model_copy(
         update={
             "losses": (*whole.losses, *warnings),
             "figures": (*figures_of(_FIGURES, _matching_values(pairs, matching)), *_compared(differences), *whole.figures),
-            "grids": (_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), *whole.grids),
+            "grids": (_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), *_windows_grid(pairs, windows), *whole.grids),
             "charts": (_parallax_chart(matching), *whole.charts),
             "warnings": (*warnings, *whole.warnings),
         }
@@ -127,6 +130,17 @@ def _pairs_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) 
 def _outcome_grid(pairs: EpipolarPairs, matching: tuple[MatchingStatistics, ...]) -> Grid:
     rows = tuple((outcome.sentence, *(part.outcomes[outcome] for part in matching)) for outcome in Outcome)
     return Grid(title="Outcomes of the nodes", columns=("outcome", *(pair.name for pair in pairs.pairs)), rows=rows)
+
+
+def _windows_grid(pairs: EpipolarPairs, windows: tuple[AssignedWindows, ...]) -> Iterator[Grid]:
+    if windows:
+        found = [(pair.name, one) for pair, of_pair in zip(pairs.pairs, windows, strict=True) for one in of_pair.windows]
+        yield Grid(
+            title="Limits that give a share of the points a window",
+            columns=("pair", "step", "limit", "points with a window (%)"),
+            rows=tuple((pair, one.step, limits_in_words(one.window), one.share) for pair, one in found),
+            note="Found in the left image of each pair, at points with room for the largest window.",
+        )
 
 
 def _parallax_chart(matching: tuple[MatchingStatistics, ...]) -> Chart:

@@ -11,6 +11,7 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.matching_block import MatchedBlock, matching_statistics
 from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
+from orthomill.tasks.densification.strategies.assigned_windows import AssignedWindows
 from orthomill.tasks.densification.strategies.near_model import ModelArea, NearModel
 from orthomill.tasks.densification.strategies.pair_strategies import matches
 from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, make_surface
@@ -93,9 +94,11 @@ def match_by_strategy(
     left: np.ndarray | None = None,
     right: np.ndarray | None = None,
     posts: np.ndarray | None = None,
+    windows: AssignedWindows | None = None,
 ) -> MatchedBlock:
     """Match the nodes of a block; left, right: uint8 (rows, cols), the windows `block.left` and `block.right`, None where empty;
-    posts (rows, cols, 4): those of a model that bounds the search."""
+    posts (rows, cols, 4): those of a model that bounds the search; windows: with limits that give a share of the points one."""
+    strategy = windows.of(strategy) if windows else strategy
     nodes = np.full((*block.nodes.shape, 3), np.nan, np.float32)
     outcome = np.full(block.nodes.shape, Outcome.OUTSIDE, np.uint8)
     if left is None or right is None:

@@ -20,6 +20,7 @@ from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_r
 from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.settings.pair_strategy_settings import Cascade, CoarseToFine, Growing
 from orthomill.tasks.densification.stage import DensificationStage
+from orthomill.tasks.densification.strategies.assigned_windows import assigned_windows, strips_of, windows_table
 from orthomill.tasks.densification.strategies.near_model import NearModel, model_area
 from orthomill.tasks.matching.guided.column_interval import GuidePosts
 from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
@@ -114,6 +115,28 @@ def test_every_way_to_size_a_window_gives_other_nodes_and_true_heights(seen, win
     measured = ground & np.isin(sized.rasters[PROVENANCE], MEASURED)
     assert measured.sum() > 0.3 * ground.sum() and 1.4826 * np.median(np.abs(error[measured])) < 0.3
     assert not np.array_equal(*(engine.rasters[nodes_raster("a-b")] for engine in (grown, sized)), equal_nan=True)
+
+
+@pytest.mark.parametrize("window", WINDOWS, ids=lambda window: window.kind)
+def test_a_share_of_the_points_is_assigned_a_window(seen, window):
+    pair, left = seen[1].pair, seen[1].left
+    asked = grown_with(window).model_copy(update={"assigned": 70.0})
+    parts = [left[strip.slices] for strip in strips_of(pair, asked)]
+    (found,) = assigned_windows(pair, asked, iter(parts)).windows
+    assert found.share >= 70.0 and found.window != window
+    if window.kind != "statistical":
+        assert found.share < 75.0
+
+
+def test_assigned_windows_are_used_and_refused_where_no_window_is_chosen(seen):
+    assert Growing(kind="region_growing", growing={"matching": {"window": {"kind": "entropy"}}}, assigned=60).assigned == 60
+    with pytest.raises(ValueError, match=r"growing\.matching\.window: \{kind: statistical\}"):
+        Growing(kind="region_growing", assigned=60)
+    few, many = (run(seen, grown_with(WINDOWS[1]).model_copy(update={"assigned": share})) for share in (30.0, 90.0))
+    matched = [np.isfinite(engine.rasters[nodes_raster("a-b")][..., 0]).mean() for engine in (few, many)]
+    assert matched[1] > matched[0] + 0.1 and few.tables[windows_table("a-b").path].windows[0].share >= 30.0
+    (grid,) = [g for g in few.tables[report_table("densification").path].grids if g.title.startswith("Limits that give")]
+    assert grid.rows[0][:2] == ("a-b", "growing.matching") and str(grid.rows[0][2]).startswith("min_entropy")
 
 
 def test_a_wider_step_makes_fewer_nodes(seen):
