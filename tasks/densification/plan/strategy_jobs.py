@@ -13,13 +13,14 @@ from orthomill.tasks.densification.settings.guide_settings import GuideFile
 from orthomill.tasks.densification.settings.pair_strategy_settings import PairStrategy
 from orthomill.tasks.densification.strategies.assigned_windows import assigned_windows, strips_of, windows_table
 from orthomill.tasks.densification.strategies.near_model import model_area
-from orthomill.tasks.densification.strategies.pair_strategies import halo
+from orthomill.tasks.densification.strategies.pair_strategies import fitted, halo
 from orthomill.tasks.densification.strategies.strategy_block import SIDE, StrategyBlock, match_by_strategy
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
 
 
 def strategy_plan(pair: EpipolarPair, strategy: PairStrategy, surface: Surface, stage: str) -> Iterator[RasterSpec | Job]:
     """The blocks of a pair, or the whole pair as one block."""
+    strategy = fitted(strategy, pair)
     shape = nodes_shape(pair, strategy.step)
     chunk = max(shape) if strategy.whole else max(SIDE // strategy.step, 1)
     yield from node_specs(pair, strategy.step, chunk)

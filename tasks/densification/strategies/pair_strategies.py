@@ -8,6 +8,7 @@ Source: Skarlatos (sources/matching.md#region-growing, #pyramids); sources/measu
 
 import numpy as np
 
+from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.tasks.densification.settings.pair_strategy_settings import Cascade, CoarseToFine, Growing, PairStrategy
 from orthomill.tasks.matching.least_squares.matching import Matches
 from orthomill.tasks.matching.strategies.cascade import match_cascade
@@ -17,6 +18,14 @@ from orthomill.tasks.matching.strategies.match_tables import moved, taken
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import found_seeds, grow, region_cover
 from orthomill.tasks.matching.strategies.region_growing import halo as growing_halo
+
+
+def fitted(strategy: PairStrategy, pair: EpipolarPair) -> PairStrategy:
+    """The strategy with no more pyramid levels than the images of a pair can hold: the coarsest must have room for two windows side
+    by side, or nothing is found on it, and region growing has no seeds."""
+    side, least = min(pair.rows, pair.left_cols, pair.right_cols), 2 * (2 * strategy.pyramid.coarse.half + 1)
+    levels = next((n for n in range(strategy.pyramid.levels, 1, -1) if side >> n >= least), min(strategy.pyramid.levels, 1))
+    return strategy.model_copy(update={"pyramid": strategy.pyramid.model_copy(update={"levels": levels})})
 
 
 def halo(strategy: PairStrategy) -> int:

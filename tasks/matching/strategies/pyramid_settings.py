@@ -12,7 +12,7 @@ _FINE = LeastSquaresMatching(window=15, smoothing=0.6, interpolation="bicubic", 
 class PyramidMatching(Settings):
     """How a grid of nodes is matched from coarse to fine."""
 
-    levels: int = setting(4, "Coarser levels above the photographs themselves; each halves them.", ge=0, le=8)
+    levels: int = setting(4, "Coarser levels above the photographs themselves, at most; each halves them.", ge=0, le=8)
     coarse_step: int = setting(4, "Distance of the nodes on the coarser levels.", "px of the level", ge=1, le=16)
     coarse: LeastSquaresMatching = setting(_COARSE, "Least-squares matching on the coarser levels.")
     fine: LeastSquaresMatching = setting(_FINE, "Least-squares matching on the photographs themselves.")

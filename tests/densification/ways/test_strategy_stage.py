@@ -22,6 +22,7 @@ from orthomill.tasks.densification.settings.pair_strategy_settings import Cascad
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.strategies.assigned_windows import assigned_windows, strips_of, windows_table
 from orthomill.tasks.densification.strategies.near_model import NearModel, model_area
+from orthomill.tasks.densification.strategies.pair_strategies import fitted
 from orthomill.tasks.matching.guided.column_interval import GuidePosts
 from orthomill.tasks.matching.least_squares.least_squares_settings import Ellipse, LeastSquaresMatching, Square
 from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
@@ -137,6 +138,13 @@ def test_assigned_windows_are_used_and_refused_where_no_window_is_chosen(seen):
     assert matched[1] > matched[0] + 0.1 and few.tables[windows_table("a-b").path].windows[0].share >= 30.0
     (grid,) = [g for g in few.tables[report_table("densification").path].grids if g.title.startswith("Limits that give")]
     assert grid.rows[0][:2] == ("a-b", "growing.matching") and str(grid.rows[0][2]).startswith("min_entropy")
+
+
+@pytest.mark.parametrize(("columns", "levels"), [(420, 4), (222, 3), (60, 1)])
+def test_a_pyramid_ends_where_its_coarsest_images_hold_no_windows(seen, columns, levels):
+    """A pair with a wide base, of which 14 columns were left on the fourth level: not one seed was found."""
+    narrow = seen[1].pair.model_copy(update={"rows": 600, "left_cols": columns, "right_cols": 600})
+    assert fitted(Growing(kind="region_growing", pyramid=PyramidMatching(levels=4)), narrow).pyramid.levels == levels
 
 
 def test_a_wider_step_makes_fewer_nodes(seen):
