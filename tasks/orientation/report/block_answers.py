@@ -5,6 +5,7 @@ Digital Geospatial Data (2014, annex B; edition 2, 2023): 1 for the most accurat
 """
 
 from collections.abc import Iterator
+from math import isnan
 
 from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
@@ -104,9 +105,11 @@ def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, co
     formal = "" if found.points >= FORMAL else f"; a formal statement needs {FORMAL}"
     reached = f"it meets the class for {good_for}" if good_for else "it meets no mapping class (3 pixels)"
     expected = f", {found.by_predicted:.1f} times what the adjustment predicts" if contradicted else ""
+    # Without tie points nobody knows how large a pixel is on the ground, and no class follows.
+    classed = "" if isnan(largest) else f"; with {largest:.1f} ground pixels {reached}"
     return (
-        f"The block at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}; with "
-        f"{largest:.1f} ground pixels {reached}{formal}."
+        f"The block at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}"
+        f"{classed}{formal}."
     )
 
 

@@ -50,3 +50,11 @@ def test_positions_that_take_no_part_are_not_told_as_missing(facts):
     crowded = replace(facts, ground=ground, precision=facts.precision.model_copy(update={"findings": findings}))
     sentence = block_verdict(crowded, ()).sentence
     assert "closer together than their standard errors" in sentence and "neither positions" not in sentence
+
+
+def test_without_a_ground_pixel_no_class_of_nan_pixels_is_told(facts, monkeypatch):
+    """A block of another program without tie points: how large a pixel is on the ground is not known."""
+    monkeypatch.setattr("orthomill.tasks.orientation.report.block_answers.ground_pixel", lambda facts: None)
+    ground = facts.ground.model_copy(update={"points": (residual((0.3, 0.4, 0.1)), residual((0.0, 0.0, -0.1)))})
+    sentence = block_verdict(replace(facts, ground=ground), ()).sentence
+    assert sentence.startswith("The block at 2 check points") and "nan" not in sentence and "class" not in sentence
