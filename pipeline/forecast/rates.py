@@ -34,8 +34,8 @@ def rates_of_release() -> dict[str, tuple[Rate, ...]]:
     """The rates of the blocks measured at release, by stage.
 
     They are of volos (34 megapixels), brighton (41), caliterra and seneca (66), terrain also of a second town (34) and a closed
-    wood (10), projections of a portal (35), with all settings at their defaults, by two cores of one machine; `python -m
-    benchmarks forecast_rates RUN...` prints what a run adds to rates.json.
+    wood (10), projections of a portal (35), a registration of nine scans as for a portal, with all settings at their defaults, by
+    two cores of one machine; `python -m benchmarks forecast_rates RUN...` prints what a run adds to rates.json.
     """
     shipped = json.loads((Path(__file__).parent / "rates.json").read_text())
     return {stage: tuple(Rate(*numbers) for numbers in blocks.values()) for stage, blocks in shipped.items()}

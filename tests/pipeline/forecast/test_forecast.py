@@ -68,8 +68,8 @@ def test_the_forecast_follows_pixels_tile_and_the_runs_of_this_machine(session):
 
 
 def test_of_every_stage_that_photographs_alone_need_something_is_known():
-    """Scans are registered by a handful of jobs, which are planned exactly before anything has run."""
-    assert {kind_of(stage) for stage in STAGES} - set(REFERENCE) == {"registration"}
+    """Nothing that a plan shows of a stage is a question mark."""
+    assert {kind_of(stage) for stage in STAGES} <= set(REFERENCE)
 
 
 def test_without_photographs_nothing_is_foreseen(tmp_path):
