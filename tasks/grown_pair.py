@@ -20,16 +20,14 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed
 from orthomill.tasks.calibration.report.known_cameras import from_exif
 from orthomill.tasks.imagery.pyramid import halved
-from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
-from orthomill.tasks.matching.strategies.growing_settings import RegionGrowing
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import Seeds, grow
 from orthomill.tasks.orientation.relative.pair_precision import scatter
 from orthomill.tasks.orientation.relative.relative_forms import dependent_form
 from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 from orthomill.tasks.photos.index import Limits, index_photos
-from orthomill.tasks.tie_points.descriptor_search import mutual_matches
 from orthomill.tasks.tie_points.features import Detection, tile_features
+from orthomill.tasks.tie_points.grown_search import feature_seeds, growth_of
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, Features
 
 _ANY_SYSTEM = "EPSG:32631"
@@ -37,10 +35,6 @@ _ANY_SYSTEM = "EPSG:32631"
 _SEARCHED = 2000
 """px: longer side of the pyramid level on which features are looked for"""
 _FEATURES, _CONTRAST, _RATIO = 4000, 0.02, 0.8
-_CROSSINGS = 8
-"""how often growth enters regions without seeds from their neighbours"""
-_NEIGHBOURS = 2
-"""that must predict a node: chance has none"""
 _RELATED = 3000
 """matches from which a pair is related; more of a smooth surface add nothing"""
 _NAMES = (("b_y / b_x", ""), ("b_z / b_x", ""), ("omega", "degrees"), ("phi", "degrees"), ("kappa", "degrees"))
@@ -65,8 +59,7 @@ def grown_pair(left: np.ndarray, right: np.ndarray, seeds: np.ndarray | None, ru
     start = found_by_features(left, right) if seeds is None else Seeds(seeds[:, :2], seeds[:, 2:])
     if not len(start.points):
         raise PhotoError("The photographs show no common points by their features; give a list of seeds.")
-    matching = LeastSquaresMatching(window=rules.window, smoothing=0.6, max_shift=2.0)
-    settings = RegionGrowing(crossings=_CROSSINGS, min_neighbours=_NEIGHBOURS, matching=matching)
+    settings = growth_of(rules.window)
     part = ImagePart(left)
     grid = NodeGrid.within(part, rules.step, rules.window // 2 + 2)
     found = grow(part, ImagePart(right), grid, start, settings)
@@ -93,14 +86,7 @@ def constants_of(headers: tuple[Header, Header]) -> tuple[float, float] | None:
 
 def found_by_features(left: np.ndarray, right: np.ndarray) -> Seeds:
     """Points that features of both photographs (rows, cols) uint8 agree on, with the turn and the scale between them."""
-    (here, first), (there, second) = (_features(image) for image in (left, right))
-    rows = mutual_matches(first, second, _RATIO)
-    one, other = rows.T
-    turn = np.radians(there.angle[other].astype(np.float64) - here.angle[one])
-    scale = there.size[other].astype(np.float64) / here.size[one]
-    # Angles run from the columns to the rows, as the affine of a match does.
-    affine = np.column_stack([scale * np.cos(turn), -scale * np.sin(turn), scale * np.sin(turn), scale * np.cos(turn)])
-    return Seeds(np.column_stack([here.col[one], here.row[one]]), np.column_stack([there.col[other], there.row[other]]), affine)
+    return feature_seeds(_features(left), _features(right), _RATIO)
 
 
 def _features(image: np.ndarray) -> tuple[Features, np.ndarray]:

@@ -145,6 +145,17 @@ MATCHING = (
         ),
     ),
     Row(
+        "Region growing ties the raw photographs of a block",
+        "matching.md#region-growing",
+        "{kind: tie_points, search: {kind: region_growing}}",
+        "relative orientation from the grown points (tables 4.15, 4.17)",
+        Tested(
+            "photographs turned by 23 degrees against each other: before their refinement half of the matches within 0.6 px, 97 % "
+            "within 2.5 px",
+            "tests/tie_points/test_grown_search.py",
+        ),
+    ),
+    Row(
         "Six, eight and two parameters; when it ends",
         "matching.md#six-parameters",
         "{kind: tie_points, refinement: {radiometry: estimated, geometry: affine}}",

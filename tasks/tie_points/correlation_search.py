@@ -78,7 +78,7 @@ def correlate_pair(
     parallax = mean_parallax(images[0], images[1])
     if parallax is not None and len(features[0]) and len(features[1]):
         found = correlate(images[0], images[1], places[0], places[0] + parallax, search.correlation)
-        pairs = _joined(np.column_stack([found.col, found.row]), found.converged, places[1])
+        pairs = joined(np.column_stack([found.col, found.row]), found.converged, places[1])
     return accepted_matches(features, pairs, PhotoPair.of(cameras, names), rules)
 
 
@@ -107,7 +107,7 @@ def _densest(moves: np.ndarray) -> np.ndarray:
     return np.median(moves[near[near.sum(axis=1).argmax()]], axis=0)
 
 
-def _joined(places: np.ndarray, good: np.ndarray, points: np.ndarray) -> np.ndarray:
+def joined(places: np.ndarray, good: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(M, 2) numbers of left points and of the right interest points at their places, each used once, nearest first."""
     # Failed matches are moved out of reach: the tree takes no NaN.
     distance, number = cKDTree(points).query(np.where(good[:, None], places, -1e9), distance_upper_bound=_JOIN)

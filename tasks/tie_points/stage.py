@@ -10,7 +10,7 @@ from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
 from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
-from orthomill.tasks.tie_points.search_settings import LEAST_SHARE, CorrelationSearch
+from orthomill.tasks.tie_points.search_settings import LEAST_SHARE, CorrelationSearch, GrowingSearch
 
 
 class FeatureSearch(Settings):
@@ -19,7 +19,7 @@ class FeatureSearch(Settings):
     kind: Literal["features"]
 
 
-Search = Annotated[FeatureSearch | CorrelationSearch, Field(discriminator="kind")]
+Search = Annotated[FeatureSearch | CorrelationSearch | GrowingSearch, Field(discriminator="kind")]
 
 _OF_DESCRIPTORS = ("ratio", "contrast")
 
@@ -32,8 +32,8 @@ class TiePointsStage(Stage):
     kind: Literal["tie_points"] = "tie_points"
     search: Search = setting(
         FeatureSearch(kind="features"),
-        "How points are found and matched: features with descriptors for photographs of any attitude, or the published interest "
-        "points and correlation for near-vertical ones.",
+        "How points are found and matched: features with descriptors for photographs of any attitude, the published interest "
+        "points and correlation for near-vertical ones, or features that the published region growing assigns to each other.",
     )
     search_side: int = setting(
         2000, "Points are searched on the pyramid level whose longer side is at most this.", "px", ge=500, le=20000

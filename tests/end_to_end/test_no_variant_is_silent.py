@@ -61,7 +61,7 @@ MATCHINGS: dict[str, dict[str, Any]] = {
     },
 }
 CORRECTIONS = ({"kind": "rays"}, {"kind": "plan"}, {"kind": "norvelle"})
-SEARCHES = ({"kind": "features"}, {"kind": "correlation"})
+SEARCHES = ({"kind": "features"}, {"kind": "correlation"}, {"kind": "region_growing"})
 FRONT = {"kind": "normal", "point": (0.0, 0.0, 1.5), "normal": (0.0, -1.0, 0.0)}
 OUTPUTS: tuple[dict[str, Any], ...] = (
     {"kind": "plane", "name": "front", "plane": FRONT, "pixel": 0.05},

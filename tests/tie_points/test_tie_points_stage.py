@@ -16,7 +16,7 @@ from orthomill.tasks.tie_points.features import tile_features
 from orthomill.tasks.tie_points.match_records import Links, MatchCounts
 from orthomill.tasks.tie_points.pair_matching import match_pair
 from orthomill.tasks.tie_points.plan.tie_point_tables import CANDIDATES, LINKS, MATCH_COUNTS
-from orthomill.tasks.tie_points.search_settings import CorrelationSearch
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch, GrowingSearch
 from orthomill.tasks.tie_points.stage import FeatureSearch, TiePointsStage
 
 
@@ -61,7 +61,11 @@ def whole(stage: TiePointsStage, shown: Photos | None = None) -> list[Job]:
     return planned(stage, shown or photos(3), (MATCH_COUNTS, counts), (LINKS, links))
 
 
-SEARCHES = [FeatureSearch(kind="features"), CorrelationSearch(kind="correlation")]
+SEARCHES = [
+    FeatureSearch(kind="features"),
+    CorrelationSearch(kind="correlation"),
+    GrowingSearch(kind="region_growing", step=12, window=21, seeds="control/seeds.csv"),
+]
 
 
 @pytest.mark.parametrize("search", SEARCHES, ids=lambda search: search.kind)

@@ -1,10 +1,11 @@
 """Matches of pairs, and the tracks over all photographs."""
 
 from orthomill.schemas.camera import CAMERAS
-from orthomill.schemas.job import Job, Raster, Stream
+from orthomill.schemas.job import Job, Raster, Reading, Stream, TextFile
 from orthomill.schemas.photo import Photo, Photos, photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.tie_points.correlation_search import correlate_pair
+from orthomill.tasks.tie_points.grown_search import grow_pair
 from orthomill.tasks.tie_points.match_records import DESCRIPTOR, MatchCounts
 from orthomill.tasks.tie_points.matched_features import keep_matched
 from orthomill.tasks.tie_points.pair_matching import PairRules, match_pair
@@ -19,7 +20,7 @@ from orthomill.tasks.tie_points.plan.tie_point_tables import (
     pair_tables,
     search_level,
 )
-from orthomill.tasks.tie_points.search_settings import CorrelationSearch
+from orthomill.tasks.tie_points.search_settings import CorrelationSearch, GrowingSearch
 from orthomill.tasks.tie_points.stage import TiePointsStage
 from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tracks_of_kept
 
@@ -27,6 +28,8 @@ from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tr
 def pair_job(asked: TiePointsStage, left: Photo, right: Photo) -> Job:
     if asked.search.kind == "correlation":
         return _correlation_job(asked, (left, right), asked.search)
+    if asked.search.kind == "region_growing":
+        return _growing_job(asked, (left, right), asked.search)
     matches, summary = pair_tables(left.name, right.name)
     scale = 2 ** max(search_level(asked, left), search_level(asked, right))
     return Job(
@@ -57,6 +60,33 @@ def _correlation_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: C
         writes={"matches": matches, "summary": summary},
         params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
         scratch=16 * sum(height * width for height, width in shapes) + 80 * search.correlation.search**2,
+    )
+
+
+def _growing_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: GrowingSearch) -> Job:
+    """Reads both photographs completely on the searched level, the size of which `search_side` bounds."""
+    left, right = pair
+    matches, summary = pair_tables(left.name, right.name)
+    levels = search_level(asked, left), search_level(asked, right)
+    shapes = [level_size(photo, level) for photo, level in zip(pair, levels, strict=True)]
+    names = [photo_raster(photo.name, level) for photo, level in zip(pair, levels, strict=True)]
+    reads: dict[str, Reading] = {
+        "left": feature_tables(left.name),
+        "right": feature_tables(right.name),
+        "pixels": tuple(Raster(name, Window(0, 0, *shape)) for name, shape in zip(names, shapes, strict=True)),
+        "cameras": CAMERAS,
+    }
+    if search.seeds:
+        reads["seeds"] = TextFile(search.seeds)
+    rules = PairRules(asked.ratio, asked.epipolar_tolerance * 2 ** max(levels))
+    return Job(
+        stage=asked.kind,
+        item=f"{left.name}+{right.name} matches",
+        function=grow_pair,
+        reads=reads,
+        writes={"matches": matches, "summary": summary},
+        params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
+        scratch=60 * sum(height * width for height, width in shapes) + (3 * 4 * 1024 + 16 * DESCRIPTOR) * asked.max_features,
     )
 
 
