@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from orthomill.schemas.job import Export, Job
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
 from orthomill.schemas.stage_contract import ProjectView, Stage
@@ -79,6 +80,15 @@ class DensificationStage(Stage):
     spikes: SpikeFilter = setting(SpikeFilter(), "Removal of spikes from the heights of pairs.")
     points: PointThinning = setting(PointThinning(), "Which matched nodes become points.")
     fill: Filling = setting(EstimateGaps(), "What happens where nothing was measured.")
+    water: ProjectPath | None = setting(
+        None, "Outlines of still water: polygons (GeoPackage, GeoJSON); each gets one level, that of its shore."
+    )
+
+    @model_validator(mode="after")
+    def _water_has_an_effect(self) -> "DensificationStage":
+        if not isinstance(self.matching, ObjectSpace):
+            refuse_ignored(self, ("water",), f"matching: {{kind: {self.matching.kind}}}", "match in object space, or leave it out")
+        return self
 
     def plan(self, view: ProjectView) -> Iterator[RasterSpec | Job | Export]:
         """The jobs of the method that is asked for."""

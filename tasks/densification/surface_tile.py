@@ -37,6 +37,7 @@ from orthomill.tasks.densification.settings.surface_settings import (
 )
 from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.water import NO_WATER, WaterLevels, levelled
 
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""
@@ -137,11 +138,12 @@ def make_surface(
     confidence: np.ndarray,
     nodes: Iterator[np.ndarray],
     differences: MatchingDifferences = NO_DIFFERENCES,
+    water: WaterLevels = NO_WATER,
 ) -> SurfaceCells:
     """The cells of a tile with their statistics.
 
     height, judgement, confidence: the volume over `tile.work`, see `VolumeWindow`; nodes: one array (rows, cols, 3) float32 per
-    piece, in their order; differences: of the pairs of the block.
+    piece, in their order; differences: of the pairs of the block; water: what is outlined.
     """
     grid, volume = tile.surface.grid, VolumeWindow(height, judgement, confidence)
     cell = grid.cell
@@ -156,7 +158,7 @@ def make_surface(
     # After fusion, not before: a single pair cannot distinguish a chimney from a wrong match, two that agree can.
     spiky = spikes(fused.height, cell, rules.spikes)
     measured = completed(without(fused, spiky), volume, cell)
-    cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules, differences)
+    cells, datum, statistics = finished_cells(measured, volume, spiky, tile, rules, differences, water)
     points = collector.points(cells.provenance)
     return surface_cells(cells, datum, statistics, points)
 
@@ -180,6 +182,7 @@ def finished_cells(
     tile: SurfaceTile,
     rules: SurfaceRules,
     differences: MatchingDifferences = NO_DIFFERENCES,
+    water: WaterLevels = NO_WATER,
 ) -> tuple[FusedCells, np.ndarray, SurfaceStatistics]:
     """The tile's own cells with standard errors and estimates, the standard error of the datum (rows, cols) m, and their counts.
 
@@ -190,6 +193,7 @@ def finished_cells(
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
     cells = _cropped(with_distance(whole, grid.cell, volume.alone), tile)
+    cells = levelled(cells, water, grid, tile.window)
     # Last of all: what lies outside is neighbourhood of what lies inside.
     cells = without(cells, ~tile.surface.wanted.cells(grid, tile.window))
     datum = datum_precision([piece.pair for piece in tile.pieces], grid, tile.window, tile.ground)

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import AreaFile, Export, Job, Reading
+from orthomill.schemas.job import AreaFile, Export, Job, Reading, Table
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
@@ -24,6 +25,7 @@ from orthomill.tasks.densification.plan.pair_jobs import matching_table, pair_pl
 from orthomill.tasks.densification.plan.strategy_jobs import strategy_plan
 from orthomill.tasks.densification.plan.surface_jobs import CELLS, TIES, SurfacePlan, SurfaceSource
 from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT, JUDGEMENT, volume_plan
+from orthomill.tasks.densification.plan.water_jobs import WATER, WATER_OUTLINES, outlines_job, water_plan
 from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.report.guided_report import guided_report
 from orthomill.tasks.densification.report.line_report import line_report
@@ -53,6 +55,8 @@ def densification_jobs(asked: DensificationStage, view: ProjectView) -> _Plan:
         writes={"surface": SURFACE},
         params={"wish": _wish(asked, view)},
     )
+    if asked.water:
+        yield outlines_job(asked.water, asked.kind, view.project.crs)
     surface = view.table(SURFACE)
     if isinstance(asked.matching, VerticalLineLocus):
         yield from _lines(asked, view, surface, asked.matching)
@@ -99,8 +103,12 @@ def _object_space(asked: DensificationStage, view: ProjectView, surface: Surface
     tiles, step = _tiles(asked, view), scene.levels[-1].step
     source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, step, matching.pairs.step)
     yield from difference_plan(tiles, source, pairs)
-    yield from tiles.jobs(replace(source, tables={"differences": DIFFERENCES}), pairs)
-    yield _report_of_pairs(asked, pairs, {"differences": DIFFERENCES})
+    tables: dict[str, Table[Any]] = {"differences": DIFFERENCES}
+    if asked.water:
+        yield from water_plan(view.table(WATER_OUTLINES), surface.grid, asked.kind)
+        tables["water"] = WATER
+    yield from tiles.jobs(replace(source, tables=tables), pairs)
+    yield _report_of_pairs(asked, pairs, tables)
 
 
 def _pairs_alone(asked: DensificationStage, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:

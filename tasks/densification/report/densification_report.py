@@ -16,6 +16,7 @@ from orthomill.tasks.densification.report.surface_report import figures_of, roun
 from orthomill.tasks.densification.strategies.assigned_windows import AssignedWindows, limits_in_words
 from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
+from orthomill.tasks.densification.water import NO_WATER, WaterLevels
 
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""
@@ -28,12 +29,12 @@ _FIGURES = (
     ("completeness_nodes", "", "Share of the nodes that were matched."),
     ("parallax_precision_median", "px", "Median standard error of a parallax, from matching alone."),
 )
+"""name, unit and meaning of what pairs add to the figures of the surface"""
 _DIFFERENCES = (
     ("differences_cells", "", "Cells on which two pairs without a common photograph were compared."),
     ("differences_factor", "", "What the standard errors of matching are worth by them: the factor that they were given."),
 )
-"""what pairs add where those without a common photograph were compared"""
-"""name, unit and meaning of what pairs add to the figures of the surface"""
+"""what they add where those without a common photograph were compared"""
 
 
 def report(
@@ -44,10 +45,11 @@ def report(
     ties: TieCounts,
     differences: MatchingDifferences = NO_DIFFERENCES,
     windows: tuple[AssignedWindows, ...] = (),
+    water: WaterLevels = NO_WATER,
 ) -> StageReport:
     """The report of a surface from pairs; `matching`, and `windows` where a share of the points was to get one, in their order;
-    differences: of those without a common photograph."""
-    whole, warnings = surface_report(surface, cells, ties), tuple(_matching_warnings(pairs, matching))
+    differences: of those without a common photograph; water: what is outlined."""
+    whole, warnings = surface_report(surface, cells, ties), (*_matching_warnings(pairs, matching), *_water_warnings(water))
     return whole.model_copy(
         update={
             "losses": (*whole.losses, *warnings),
@@ -63,6 +65,14 @@ def _compared(differences: MatchingDifferences) -> Iterator[Figure]:
     if differences.cells:
         values = {"differences_cells": differences.cells, "differences_factor": rounded(usual_factor(differences), 3)}
         yield from figures_of(_DIFFERENCES, values)
+
+
+def _water_warnings(water: WaterLevels) -> Iterator[str]:
+    if water.unknown:
+        yield (
+            f"{water.unknown} of {len(water.levels)} outlines of water have no measured shore: what photographs show inside "
+            "is left as it is. Draw them where the land begins."
+        )
 
 
 def completeness(statistics: MatchingStatistics) -> float | None:
