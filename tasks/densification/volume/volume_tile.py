@@ -5,7 +5,7 @@ reads the photographs chosen for it, on the pyramid level that its cells need, a
 narrow its ranges and say which photographs do not see a cell.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -143,15 +143,21 @@ def solve_volume(
     if reach is not None:
         candidates = _near_guide(candidates, tile, terrain, reach)
     candidates = candidates.only(_shown_twice(tile, views, terrain))
-    if candidates.offset[-1] == 0:
+    # Planning allows for the lowest and the highest ground of the block; at the ground of the tile fewer photographs are compared.
+    preferred = _preferred(tile, views, settings, block, coarser)
+    used = np.unique(preferred[preferred >= 0])
+    if candidates.offset[-1] == 0 or len(used) < 2:
         return _nothing(tile.window.shape)
+    tile = replace(tile, photos=tuple(tile.photos[number] for number in used))
+    views, photos = [views[number] for number in used], tuple(photos[number] for number in used)
+    preferred = np.where(preferred >= 0, np.searchsorted(used, preferred), -1)
     candidates, planes = candidates.trimmed()
     heights = tile.level.heights[planes]
     parts = zip(tile.photos, views, photos, strict=True)
     # One after the other: a tile of a dense block has dozens of photographs, and only their signatures are needed together.
     images = (_rectified(tile, part, view, pixels, heights, settings) for part, view, pixels in parts)
     pixels = sum(rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views)
-    choice = Choice(PLACE, _preferred(tile, views, settings, block, coarser), _hidden(tile, views, coarser))
+    choice = Choice(PLACE, preferred, _hidden(tile, views, coarser))
     cells = optimised(images, pixels, choice, candidates, settings)
     height = (float(heights[0]) + cells.plane.astype(np.float64) * tile.level.step).astype(np.float32)
     # What a coarser level says of an edge is looked at again by the next one anyway.

@@ -173,6 +173,18 @@ def test_a_large_tile_reads_more_photographs_than_a_place_compares():
     assert (abs(found.height[70 >> level : 100 >> level, 70 >> level : 100 >> level]) < tile.level.step).mean() > 0.9
 
 
+def test_photographs_that_no_place_compares_are_left_alone():
+    planned = scene(settings=HeightVolume(photographs=2, widest=32))
+    tile = volume_tiles(planned.levels[0], planned)[0]
+    pixels = tuple(pyramid(part.name)[part.level][part.window.slices] for part in tile.photos)
+    found = solve_volume(tile, planned.settings, planned.block, pixels, flat(tile))
+    # A twin of the first photograph, from the same place: no place prefers it to the others.
+    more = replace(tile, photos=(*tile.photos, tile.photos[0]))
+    again = solve_volume(more, planned.settings, planned.block, (*pixels, np.full_like(pixels[0], 255)), flat(tile))
+    assert np.array_equal(found.height, again.height, equal_nan=True) and np.array_equal(found.quality, again.quality)
+    assert np.isfinite(found.height).any()
+
+
 def test_jobs_read_the_level_below():
     for thing in volume_plan(scene(), ConfidenceLimits(), "densification", "EPSG:2100"):
         if isinstance(thing, Job) and thing.function is solve_volume:
