@@ -333,6 +333,15 @@ _ALL = (
         needs="a run of volos_small",
     ),
     Study(
+        "marking_page",
+        "marking.marking_page",
+        "the page by keyboard, and marks lost when its parts are killed",
+        "minutes",
+        (*MARKING, "pipeline/serving/marking"),
+        words="[KILLS]",
+        needs="Playwright and a Chromium",
+    ),
+    Study(
         "planted_marks",
         "marking.planted_marks",
         "whether a wrong mark is named, and how soon",

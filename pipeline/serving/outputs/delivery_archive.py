@@ -1,12 +1,11 @@
 """What a finished task delivers: maps for clients, the archive, and lines that say what is in it."""
 
 import json
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from orthomill.pipeline.report.paper import BROWSERS, write_pdf
+from orthomill.pipeline.report.paper import can_print, write_pdf
 from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
 from orthomill.pipeline.serving.queue.object_places import send_results
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
@@ -58,7 +57,7 @@ _OF_BLOCK = {
 def write_delivery(
     folder: TaskFolder, state: TaskState, wishes: Wishes, command: Command, verdict: str, paper: bool = False
 ) -> list[str]:
-    """Write all.zip; lines that name what is in it. With `paper` the report is printed as well, where this machine has a browser.
+    """Write all.zip; lines that name what is in it. With `paper` the report is printed as well, where this machine can print.
     Raises StoreError where there is no room, ResourceError for an object store that refuses."""
     lines: list[str] = []
     if paper:
@@ -82,7 +81,7 @@ def write_delivery(
 
 def _printed(report: Path) -> list[str]:
     """The report as a PDF beside it, which WebODM has a button for; a sentence where it was not printed."""
-    if report.is_file() and any(map(shutil.which, BROWSERS)):
+    if report.is_file() and can_print():
         try:
             write_pdf(report)
         except OrthomillError as error:

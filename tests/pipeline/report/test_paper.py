@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from orthomill.pipeline import report
+from orthomill.pipeline.report import paper
 from orthomill.pipeline.report.paper import BROWSERS, write_pdf
 from orthomill.schemas.errors import ResourceError
 
@@ -15,8 +16,24 @@ TEMPLATES = Path(report.__file__).parent / "templates"
 
 def test_without_a_browser_it_is_a_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(paper, "LIBRARY", "no_library_of_this_name")
     with pytest.raises(ResourceError, match="no Chromium, Chrome or Edge"):
         write_pdf(tmp_path / "report.html")
+    assert not paper.can_print()
+
+
+def test_a_library_prints_without_a_browser_and_gets_blocks_for_columns(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    (tmp_path / "printer_of_a_test.py").write_text(
+        "class HTML:\n"
+        "    def __init__(self, string, base_url): self.text = string\n"
+        "    def write_pdf(self, target): target.write_text(self.text)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(paper, "LIBRARY", "printer_of_a_test")
+    page = tmp_path / "report.html"
+    page.write_text("<style>p { margin: 0 }</style><p>one")
+    assert paper.can_print() and ".answers dd" in write_pdf(page).read_text()
 
 
 def test_a_browser_that_prints_nothing_is_a_sentence(tmp_path, monkeypatch):
