@@ -23,7 +23,7 @@ from benchmarks.measured_run import run_folders, summary
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.truth import TRUTH_BLOCK
 
-SIDES = 720, 1080
+SIDES = 400, 600
 """cells of the part that is checked, in the middle of the surface"""
 PARTS = 2, 3
 """into which it is cut"""
