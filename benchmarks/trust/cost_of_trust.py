@@ -31,7 +31,7 @@ class Cost(NamedTuple):
 
 def dask_setup(worker: object) -> None:
     """Called by Dask in every worker that is started without what is measured: the files of jobs get no checksum."""
-    from orthomill.pipeline.storage import kept_files
+    from orthomill.pipeline.storage.depots import kept_files
 
     kept_files._checksum = lambda path: 0
 

@@ -4,6 +4,8 @@ import shutil
 from pathlib import Path
 
 from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.schemas.errors import StoreError
 
 
@@ -18,6 +20,9 @@ def clean_run(folder: Path, stages: tuple[str, ...]) -> None:
     parts = [folder / part / stage for stage in stages for part in ("rasters.zarr", "tables", "jobs")]
     # Under the lock: a run in progress would find its rasters and records gone between two jobs.
     with only_run(folder):
+        if not isinstance(depot := depot_of(folder), Folder):
+            for part in parts or [folder]:
+                depot.clear(part.relative_to(folder).as_posix() if parts else "")
         for part in parts or [folder]:
             _remove(part)
 

@@ -14,9 +14,11 @@ from orthomill.pipeline.engine.freed_memory import give_back
 from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
+from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_files import keep
 from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
 from orthomill.pipeline.storage.image_files import header_or_fault, picture_fault, read_pixels
-from orthomill.pipeline.storage.kept_files import KeptFile, keep
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.mesh_files import read_mesh
 from orthomill.pipeline.storage.store import Store
@@ -59,6 +61,20 @@ class JobOrder:
     """identifier of the run that asks for it"""
     wave: int = 1
     """number of this run"""
+    kept: str = ""
+    """address of the object store that holds the results; empty for those in `folder`"""
+    inputs: tuple[tuple[str, str], ...] = ()
+    """(path below `root`, name in the object store) of the user's files that it reads"""
+
+    @property
+    def depot(self) -> Depot:
+        """Where the results are kept. Raises OrthomillError."""
+        if not self.kept:
+            return Folder(self.folder)
+        # What reaches object stores is loaded only where there is one.
+        from orthomill.pipeline.storage.depots.bucket import bucket_of
+
+        return bucket_of(self.kept)
 
 
 class Started(NamedTuple):
@@ -88,7 +104,7 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
 
     `dependencies` are the results of the jobs before it: keys, never data.
     """
-    records = _records(work.folder, work.wave, work.run)
+    records = _records(work.depot, work.wave, work.run)
     # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
     before = records.afresh(work.job.key)
     if _is_done(work, before):
@@ -109,9 +125,9 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
 
 
 @lru_cache(maxsize=1)
-def _records(folder: Path, wave: int, run: str) -> Records:
+def _records(depot: Depot, wave: int, run: str) -> Records:
     """The records of a run, kept from job to job: of the logs of other workers only what is new need be read."""
-    return Records(folder, wave)
+    return Records(depot, wave)
 
 
 def _sentence(error: Exception) -> str:
@@ -144,12 +160,12 @@ def _put(records: Records, record: Record) -> None:
 
 
 def _perform(work: JobOrder) -> Left:
-    store = Store(work.folder)
+    store = Store(work.depot)
     if isinstance(work.job, Export):
-        export(work.job, store, work.folder)
-        return Left({}, keep(work.folder, [work.folder / work.job.path]))
+        export(work.job, store, store.depot)
+        return Left({}, keep(store.depot, [work.job.path]))
     job = work.job
-    inputs = {name: read_all(reading, lambda region: _read(store, work.root, region)) for name, reading in job.reads.items()}
+    inputs = {name: read_all(reading, lambda region: _read(store, work, region)) for name, reading in job.reads.items()}
     with opencv_on_one_thread():  # until all is written: a result may be computed while it is
         values = results_by_name(job.function(**inputs, **job.params), job)
         if set(values) != set(job.writes):
@@ -157,8 +173,8 @@ def _perform(work: JobOrder) -> Left:
         for name, region in job.writes.items():
             _write(store, region, values[name])
     births = {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
-    files = (path for region in job.writes.values() for path in store.files(region))
-    return Left(births, keep(work.folder, files, store.written))
+    files = (name for region in job.writes.values() for name in store.files(region))
+    return Left(births, keep(store.depot, files, store.written))
 
 
 def results_by_name(result: Any, job: Job) -> dict[str, Any]:
@@ -176,12 +192,20 @@ def read_all(reading: Reading, read: Callable[[Region], Any]) -> Any:
     return tuple(map(read, reading)) if isinstance(reading, tuple) else read(reading)
 
 
-def _read(store: Store, root: Path, region: Region) -> Any:
+def _read(store: Store, work: JobOrder, region: Region) -> Any:
     if isinstance(region, Raster):
         return store.read(region.name, region.window)
     if isinstance(region, Table):
         return store.table(region)
-    return read_file(root, region)
+    return read_file(_root_of(region.path, work) if work.kept else work.root, region)
+
+
+def _root_of(path: str, work: JobOrder) -> Path:
+    """A folder of this machine below which a file has its path: it is fetched from the object store unless it is there already."""
+    from orthomill.pipeline.storage.depots.scratch import fetched
+
+    run = f"runs/{work.folder.name}/"
+    return fetched(work.kept, dict(work.inputs).get(path) or path.removeprefix(run), path)
 
 
 def read_file(root: Path, region: FileRegion) -> Any:

@@ -31,6 +31,7 @@ from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
 from orthomill.pipeline.records.records import key_text
+from orthomill.pipeline.storage.depots.kept_at import keep_in, send_pages
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
@@ -64,6 +65,8 @@ class Options:
     port: int = 8787
     cluster: StartedCluster | None = None
     """a cluster that this run starts itself"""
+    store: str = ""
+    """address of an object store below which the results are kept, for a run that has none yet; empty: wherever they are"""
     tls: tuple[Path, Path, Path] | None = None
     """certificate of the authority, own certificate and own key for the scheduler of an existing cluster"""
 
@@ -134,6 +137,8 @@ def run_workflow(
     """
     _check_workers(options)
     _check_address_space(options)
+    if options.store:
+        keep_in(loaded.run_folder, options.store)
     session = session_of(loaded, options.from_stage, options.until)
     with only_run(session.folder):
         clock = time.monotonic()
@@ -157,6 +162,7 @@ def run_workflow(
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)
         write_results(session.store, session.folder, titles_of(loaded.stages), facts)
         (session.folder / DASHBOARD).unlink(missing_ok=True)
+        send_pages(session.folder)
     return facts
 
 

@@ -13,16 +13,20 @@ from pathlib import Path
 from typing import Protocol
 
 from orthomill.pipeline.engine.execute import JobOrder
+from orthomill.pipeline.engine.fingerprint import of_file
 from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, key_text, reason_to_run
-from orthomill.pipeline.storage.kept_files import Defect, first_defect
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_at import depot_of
+from orthomill.pipeline.storage.depots.kept_files import Defect, first_defect
+from orthomill.pipeline.storage.depots.sent_inputs import SentInputs
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
-from orthomill.schemas.job import Export, Raster, Table
+from orthomill.schemas.job import Export, Raster, Table, regions_of
 from orthomill.schemas.project import MaskFiles, PhotoFiles, Project
 from orthomill.schemas.stage_contract import NotYet, Outline, Stage
 from orthomill.schemas.stage_report import report_table
@@ -82,8 +86,10 @@ class Session:
     def __post_init__(self) -> None:
         relative = f"runs/{self.project.project}"
         self.folder = self.root / relative
-        self.store = Store(self.folder)
-        self.records = Records(self.folder)
+        self.depot = depot_of(self.folder)
+        self.store = Store(self.depot)
+        self.records = Records(self.depot)
+        self.inputs = SentInputs(self.root, self.depot, of_file)
         self._announced = 0
         self._found: dict[str, str] = {}
         """birth marks of rasters as this planning found them"""
@@ -140,12 +146,12 @@ class Session:
         """What is wrong with the results of a job; None when they are all there."""
         if not self._outputs_exist(planned):
             return "missing"
-        found = first_defect(self.folder, record.files, thoroughly)
+        found = first_defect(self.depot, record.files, thoroughly)
         return found[1] if found else None
 
     def _outputs_exist(self, planned: PlannedJob) -> bool:
         if isinstance(planned.job, Export):
-            return (self.folder / planned.job.path).exists()
+            return self.depot.size(planned.job.path) is not None
         return all(
             self.store.has_table(region) if isinstance(region, Table) else bool(self._birth(region.name))
             for region in planned.job.writes.values()
@@ -193,9 +199,22 @@ class Session:
             # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
             reason, wave = self.reasons[planned.key], self.records.begin()
-            work = JobOrder(planned.job, self.root, self.folder, planned.fingerprint, reason, self.mark, wave)
+            work = JobOrder(
+                planned.job, self.root, self.folder, planned.fingerprint, reason, self.mark, wave, *self._elsewhere(planned)
+            )
             runner.submit(work, planned.dependencies, planned.memory)
         self.pending.clear()
+
+    def _elsewhere(self, planned: PlannedJob) -> tuple[str, tuple[tuple[str, str], ...]]:
+        """For a worker that does not see this disk: where the results are kept, and the user's files that the job reads there."""
+        if isinstance(self.depot, Folder):
+            return "", ()
+        regions = (
+            () if isinstance(planned.job, Export) else (r for reading in planned.job.reads.values() for r in regions_of(reading))
+        )
+        paths = {region.path for region in regions if not isinstance(region, Raster | Table)}
+        own = sorted(path for path in paths if not self.graph.is_exported(path))
+        return self.depot.address, tuple((path, self.inputs.sent(path)) for path in own)
 
     def _create_outputs(self, planned: PlannedJob) -> None:
         if isinstance(planned.job, Export):
@@ -210,6 +229,8 @@ class Session:
         for planned in self.pending:
             check_memory(planned, room)
         self.folder.mkdir(parents=True, exist_ok=True)
+        if not isinstance(self.depot, Folder):
+            return
         needed = sum(planned.output_bytes for planned in self.pending) // COMPRESSION
         free = shutil.disk_usage(self.folder).free
         if self.pending and needed + DISK_RESERVE > free:

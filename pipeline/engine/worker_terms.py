@@ -5,6 +5,7 @@ The folder is recognised by a file that the run shows while it lasts: a folder o
 """
 
 import os
+import secrets
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,22 +14,45 @@ from pathlib import Path
 
 from orthomill import __version__
 from orthomill.pipeline.engine.fingerprint import of_program
-from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.pipeline.storage.depots.depot import Depot
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_at import noted
+from orthomill.schemas.errors import OrthomillError, StoreError
 
 SHOWN = "jobs/.shown"
 """beginning of the name of the file by which workers recognise the run's folder"""
 INSTALL = "install the version of this command in its environment, and start it again"
+SHARED = (
+    "let it see the project's folder under this path and start it again, or keep the results where all machines reach them: "
+    "run with --store s3://BUCKET/PREFIX"
+)
+REACHED = "give it the keys and the address of the store in its environment, and start it again"
 APPEARS = 3.0
 """seconds in which a file that was just written must be seen by another machine"""
 
 
 @dataclass(frozen=True)
 class Terms:
-    """The run's `folder`, its `mark`, and the `program` that planned it."""
+    """Where the run's results are kept, its `mark`, and the `program` that planned it."""
 
-    folder: Path
+    place: Path | str
+    """its folder, or the address of an object store"""
     mark: str
     program: str
+
+    @property
+    def depot(self) -> Depot:
+        """Raises OrthomillError."""
+        if isinstance(self.place, Path):
+            return Folder(self.place)
+        from orthomill.pipeline.storage.depots.bucket import bucket_of
+
+        return bucket_of(self.place)
+
+    @property
+    def sign(self) -> str:
+        """The name of the file by which the place is recognised."""
+        return f"{SHOWN}-{self.mark}"
 
 
 def program() -> str:
@@ -38,19 +62,20 @@ def program() -> str:
 
 @contextmanager
 def shown(folder: Path, mark: str) -> Iterator[Terms]:
-    """The terms of a run whose folder can be recognised as long as this context lasts. Raises StoreError."""
-    terms = Terms(folder, mark, program())
-    for left in (folder / SHOWN).parent.glob(f"{Path(SHOWN).name}-*"):  # of a run that was killed
-        left.unlink(missing_ok=True)
-    write_whole(_place(terms), mark.encode())
+    """The terms of a run whose place can be recognised as long as this context lasts. Raises StoreError."""
+    terms = Terms(noted(folder) or folder, mark, program())
+    depot, (where, _, begins) = terms.depot, SHOWN.rpartition("/")
+    for name, _ in depot.entries(where):  # of a run that was killed
+        if name.startswith(f"{begins}-"):
+            depot.delete(f"{where}/{name}")
+    try:
+        depot.put(terms.sign, mark.encode())
+    except OSError as error:
+        raise StoreError(f"{depot.address} cannot be written: {error.strerror}; make it writable, then run again.") from error
     try:
         yield terms
     finally:
-        _place(terms).unlink(missing_ok=True)
-
-
-def _place(terms: Terms) -> Path:
-    return terms.folder / f"{SHOWN}-{terms.mark}"
+        depot.delete(terms.sign)
 
 
 def objection(terms: Terms, threads: int) -> str | None:
@@ -59,10 +84,21 @@ def objection(terms: Terms, threads: int) -> str | None:
         return f"has {threads} threads, and memory is counted per process; start it with --nthreads 1"
     if (own := program()) != terms.program:
         return f"has orthomill {own}, and this is {terms.program}; {INSTALL}"
-    if not _sees(terms):
-        return f"does not see {terms.folder}; let it see the project's folder under this path, and start it again"
-    if not os.access(terms.folder / "jobs", os.W_OK | os.X_OK):
-        return f"may not write to {terms.folder}; make the folder writable for its user"
+    return _objection_to_place(terms)
+
+
+def _objection_to_place(terms: Terms) -> str | None:
+    try:
+        depot = terms.depot
+        if not _sees(terms):
+            return f"does not see {depot.address}; {SHARED if isinstance(terms.place, Path) else REACHED}"
+        probe = f"{terms.sign}-{os.getpid()}-{secrets.token_hex(4)}"
+        depot.put(probe, b"")
+        depot.delete(probe)
+    except OSError:
+        return f"may not write to {terms.place}; make the folder writable for its user"
+    except OrthomillError as error:
+        return f"cannot use {terms.place} ({str(error).rstrip('.')})"
     return None
 
 
@@ -76,7 +112,7 @@ class Declined(Exception):
 
 def _sees(terms: Terms) -> bool:
     deadline = time.monotonic() + APPEARS
-    while not _place(terms).exists():
+    while terms.depot.state(terms.sign) is None:
         if time.monotonic() > deadline:
             return False
         time.sleep(0.1)

@@ -34,10 +34,10 @@ def write_block(path: Path, program: str, store: Store, methods: BlockMethods) -
     cannot hold."""
     block, points = methods.survey if store.has_table(methods.survey[0]) else (BLOCK, GROUND_POINTS)
     if not store.has_table(PHOTOS) or not store.has_table(block):
-        raise StoreError(f"{store.folder.name} has no oriented photographs yet; run it first: orthomill run {store.folder.name}")
+        raise StoreError(f"{store.folder_name} has no oriented photographs yet; run it first: orthomill run {store.folder_name}")
     control = store.table(CONTROL) if store.has_table(CONTROL) else Control()
     tables = (store.table(PHOTOS), store.table(block), store.table(points), store.table(IMAGE_RESIDUALS), control)
-    project = methods.project(store.folder.name, *tables)
+    project = methods.project(store.folder_name, *tables)
     # JPEG has 8 bits.
     suffix = ".jpg" if all(photo.dtype == "uint8" for photo in tables[0].photos) else ".png"
     for file, content in methods.files(project, program, suffix, lambda name: _pixels(store, name)):

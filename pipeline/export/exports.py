@@ -32,6 +32,8 @@ from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, line_features
+from orthomill.pipeline.storage.depots.depot import Depot
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -54,20 +56,21 @@ T = TypeVar("T")
 COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
 
 
-def export(export: Export, store: ReadableStore, folder: Path) -> None:
-    """Write the file of `export` in the run's `folder`, complete or not at all.
+def export(export: Export, store: ReadableStore, place: Path | Depot) -> None:
+    """Write the file of `export` in the run's folder or depot, complete or not at all.
 
     Raises StoreError when its rasters or tables are missing or do not fit together, ResourceError when the disk refuses.
     """
-    path = _inside(Path(folder), export.path)
+    depot = depot_of(place)
     if export.format not in WRITERS:
         raise StoreError(f"{export.path} asks for the format '{export.format}'; known formats are {', '.join(sorted(WRITERS))}.")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        WRITERS[export.format](export, store, path)
+        with depot.product(export.path) as path:
+            WRITERS[export.format](export, store, path)
     except (OSError, RasterioError, LazrsError) as error:
         raise ResourceError(
-            f"{path} cannot be written ({_first_line(error)}); make room on the disk or make the folder writable, then run again."
+            f"{depot.address}/{export.path} cannot be written ({_first_line(error)}); make room on the disk or make the folder "
+            "writable, then run again."
         ) from error
 
 
@@ -75,14 +78,6 @@ def sweep_products(folder: Path) -> None:
     """Remove what exports left that were killed; nothing may be writing in the run's `folder` now."""
     for scratch in list((folder / "products").rglob(f".*{_SCRATCH}")):
         shutil.rmtree(scratch, ignore_errors=True)
-
-
-def _inside(folder: Path, relative: str) -> Path:
-    # Links are followed here, unlike in a workflow: a product must not be written through a link to somewhere else.
-    path = (folder / relative).resolve()
-    if not path.is_relative_to(folder.resolve()):
-        raise StoreError(f"The export {relative} is outside the run's folder {folder}; name a path inside it.")
-    return path
 
 
 def _first_line(error: Exception) -> str:

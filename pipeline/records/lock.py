@@ -1,4 +1,7 @@
-"""One run of a project at a time: a lock that the operating system frees when the process ends, however it ends."""
+"""One run of a project at a time: a lock that the operating system frees when the process ends, however it ends.
+
+Where the results are in an object store, which several machines see, there is a lease in it as well (leases.py).
+"""
 
 import fcntl
 import os
@@ -6,6 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from orthomill.pipeline.records.leases import is_leased, leased
+from orthomill.pipeline.storage.depots.bucket import Bucket
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.schemas.errors import ResourceError
 
 
@@ -32,7 +38,12 @@ def only_run(folder: Path) -> Iterator[None]:
         stream.truncate(0)
         stream.write(str(os.getpid()))
         stream.flush()
-        yield
+        depot = depot_of(folder)
+        if not isinstance(depot, Bucket):
+            yield
+            return
+        with leased(depot, folder.name):
+            yield
 
 
 def is_running(folder: Path) -> bool:
@@ -45,4 +56,5 @@ def is_running(folder: Path) -> bool:
         return True
     except OSError:
         return False
-    return False
+    depot = depot_of(folder)
+    return isinstance(depot, Bucket) and is_leased(depot)

@@ -13,17 +13,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
 
-import psutil
 from pydantic import BaseModel, ValidationError
 
+from orthomill.pipeline.records.started_machine import boot
 from orthomill.pipeline.records.verification import Verification, examine
+from orthomill.pipeline.storage.depots.kept_at import noted
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
 NOTE = "jobs/flushed.json"
 EVERY = 10.0
 """seconds between two times at which everything is forced to the disk"""
-_BOOT = Path("/proc/sys/kernel/random/boot_id")
 
 
 class Flushed(BaseModel):
@@ -33,13 +33,10 @@ class Flushed(BaseModel):
     time: float
 
 
-def boot() -> str:
-    """What identifies the last start of this machine."""
-    return _BOOT.read_text().strip() if _BOOT.exists() else f"{psutil.boot_time():.0f}"
-
-
 def examine_after_power_cut(folder: Path) -> Verification | None:
     """Examine what may have been lost, and mark it; None when the machine has not been started again since it was written."""
+    if noted(folder):  # an object store has no power cuts that it would not tell of
+        return None
     try:
         note = Flushed.model_validate_json((folder / NOTE).read_bytes())
     except (FileNotFoundError, ValidationError):  # no run yet, or a power cut took the note itself
@@ -51,6 +48,9 @@ def examine_after_power_cut(folder: Path) -> Verification | None:
 @contextmanager
 def flushing(folder: Path) -> Iterator[None]:
     """Force everything to the disk every few seconds and at the end."""
+    if noted(folder):
+        yield
+        return
     ended = Event()
     thread = Thread(target=_flush_until, args=(folder, ended), daemon=True)
     thread.start()

@@ -6,12 +6,11 @@ import re
 import secrets
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 
 from orthomill.pipeline.records.record_lines import STATUSES, Place, RecordLine, line_of, read_lines
+from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.file_names import file_name
 from orthomill.pipeline.storage.sealed_json import unsealed
-from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import StoreError
 
 LOG, FOLDED, OF_ONE_JOB = ".log", ".done", ".json"
@@ -27,33 +26,36 @@ def wave_of(name: str) -> int:
     return int(found[1]) if found else 0
 
 
-def append(folder: Path, wave: int, line: bytes) -> None:
-    """Append a line to the log of this process. Raises StoreError."""
-    path = folder / f"{wave:08d}-{os.getpid()}-{_PROCESS}{LOG}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        # Unbuffered, in one call: what a killed process has not written whole is the last line of its file, and no line.
-        with path.open("ab", buffering=0) as stream:
-            before = stream.tell()
-            try:
-                if stream.write(line) != len(line):
-                    raise OSError(28, "No space left on device")
-            except OSError:
-                stream.truncate(before)
-                raise
-    except OSError as error:
-        raise StoreError(
-            f"{path} cannot be written: {error.strerror}; make room on the disk or make the folder writable, then run again."
-        ) from error
+class OwnLog:
+    """The log of this process for one stage."""
+
+    def __init__(self, depot: Depot, folder: str, wave: int) -> None:
+        self._depot = depot
+        self._name = f"{folder}/{wave:08d}-{os.getpid()}-{_PROCESS}"
+        self._part = 0
+
+    def append(self, line: bytes) -> None:
+        """Append a line. Raises StoreError."""
+        name = f"{self._name}.{self._part}{LOG}" if self._part else f"{self._name}{LOG}"
+        try:
+            size = self._depot.append(name, line)
+        except OSError as error:
+            raise StoreError(
+                f"{self._depot.address}/{name} cannot be written: {error.strerror}; make room on the disk or make the folder "
+                "writable, then run again."
+            ) from error
+        if self._depot.longest_log and size > self._depot.longest_log:
+            self._part += 1
 
 
 class StageFiles:
     """The lines of a stage that count, by place, with those of waves before `least` left out."""
 
-    def __init__(self, folder: Path, least: int = 0) -> None:
+    def __init__(self, depot: Depot, folder: str, least: int = 0) -> None:
+        self._depot = depot
         self.folder = folder
         self.lines: dict[Place, RecordLine] = {}
-        self.damaged: set[Path] = set()
+        self.damaged: set[str] = set()
         """files in which something cannot be read"""
         self._least = least
         self._read: dict[str, int] = {}
@@ -67,52 +69,47 @@ class StageFiles:
                 return self._read_on()
 
     def _read_on(self) -> None:
-        for path, size in self._counting():
-            if size < self._read.get(path.name, 0):  # another file of this name
+        for name, size in self._counting():
+            if size < self._read.get(name, 0):  # another file of this name
                 self.lines.clear()
                 self._read.clear()
                 return self._read_on()
-            if size > self._read.get(path.name, 0):
-                self._take(path)
+            if size > self._read.get(name, 0):
+                self._take(name)
 
-    def _counting(self) -> list[tuple[Path, int]]:
+    def _counting(self) -> list[tuple[str, int]]:
         """The files whose lines count, with their sizes: what was folded holds all that was written before."""
-        if not self.folder.is_dir():
-            return []
-        found = [(Path(entry.path), entry.stat().st_size) for entry in os.scandir(self.folder)]
-        waves = [(path, size, wave_of(path.name)) for path, size in found]
-        folded = max((wave for path, _, wave in waves if path.suffix == FOLDED), default=0)
+        waves = [(name, state.size, wave_of(name)) for name, state in self._depot.entries(self.folder)]
+        folded = max((wave for name, _, wave in waves if name.endswith(FOLDED)), default=0)
         return sorted(
-            (path, size)
-            for path, size, wave in waves
+            (name, size)
+            for name, size, wave in waves
             if wave >= self._least
             and (
-                (path.suffix == LOG and wave > folded)
-                or (path.suffix == FOLDED and wave == folded)
-                or (path.suffix == OF_ONE_JOB and not folded)
+                (name.endswith(LOG) and wave > folded)
+                or (name.endswith(FOLDED) and wave == folded)
+                or (name.endswith(OF_ONE_JOB) and not folded)
             )
         )
 
-    def _take(self, path: Path) -> None:
-        if path.suffix == OF_ONE_JOB:
-            content = path.read_bytes()
-            self._read[path.name] = len(content)
-            self._keep(path, _of_one_job(path, content))
+    def _take(self, name: str) -> None:
+        if name.endswith(OF_ONE_JOB):
+            content = self._depot.get(f"{self.folder}/{name}")
+            self._read[name] = len(content)
+            self._keep(name, _of_one_job(name, content))
             return
-        with path.open("rb") as stream:
-            stream.seek(self._read.get(path.name, 0))
-            content = stream.read()
+        content = self._depot.get(f"{self.folder}/{name}", self._read.get(name, 0))
         whole = content.rfind(b"\n") + 1
-        self._read[path.name] = self._read.get(path.name, 0) + whole
-        for found in read_lines(content[:whole], wave_of(path.name)):
-            self._keep(path, found)
+        self._read[name] = self._read.get(name, 0) + whole
+        for found in read_lines(content[:whole], wave_of(name)):
+            self._keep(name, found)
         # The end of a log may be on its way; what was folded ends with a line.
-        if path.suffix == FOLDED and whole < len(content):
-            self.damaged.add(path)
+        if name.endswith(FOLDED) and whole < len(content):
+            self.damaged.add(f"{self.folder}/{name}")
 
-    def _keep(self, path: Path, found: tuple[Place, RecordLine] | None) -> None:
+    def _keep(self, name: str, found: tuple[Place, RecordLine] | None) -> None:
         if found is None:
-            self.damaged.add(path)
+            self.damaged.add(f"{self.folder}/{name}")
             return
         place, line = found
         if place not in self.lines or self.lines[place][:3] <= line[:3]:
@@ -121,21 +118,22 @@ class StageFiles:
     def fold(self) -> None:
         """Keep the lines that count in one file. Nobody else may write. Raises StoreError."""
         self.refresh()
-        files = [path for path in self.folder.iterdir() if path.suffix in (LOG, FOLDED, OF_ONE_JOB)]
-        if not files or (not self.damaged and [path.suffix for path in files] == [FOLDED]):
+        files = [name for name, _ in self._depot.entries(self.folder) if name.endswith((LOG, FOLDED, OF_ONE_JOB))]
+        if not files or (not self.damaged and len(files) == 1 and files[0].endswith(FOLDED)):
             return
-        target = self.folder / f"{max(max(wave_of(path.name) for path in files), 1):08d}{FOLDED}"
+        target = f"{max(max(map(wave_of, files)), 1):08d}{FOLDED}"
         try:
-            with replacing(target) as stream:
+            with self._depot.writing(f"{self.folder}/{target}") as stream:
                 stream.writelines(self._folded())
                 # Before the logs go: after a power cut the file would be there, and empty.
                 stream.flush()
                 os.fsync(stream.fileno())
-            for path in files:
-                if path != target:
-                    path.unlink()
+            for name in files:
+                if name != target:
+                    self._depot.delete(f"{self.folder}/{name}")
         except OSError as error:
-            raise StoreError(f"{target} cannot be written: {error.strerror}; make room on the disk, then run again.") from error
+            where = f"{self._depot.address}/{self.folder}/{target}"
+            raise StoreError(f"{where} cannot be written: {error.strerror}; make room on the disk, then run again.") from error
 
     def _folded(self) -> Iterator[bytes]:
         for place, line in sorted(self.lines.items(), key=lambda item: item[0]):
@@ -143,13 +141,13 @@ class StageFiles:
                 yield line_of(place, STATUSES[line.rank], line.started, line.text)
 
 
-def _of_one_job(path: Path, content: bytes) -> tuple[Place, RecordLine] | None:
+def _of_one_job(name: str, content: bytes) -> tuple[Place, RecordLine] | None:
     """The record of an earlier version, a sealed JSON file under the name of its job."""
     text = unsealed(content)
     try:
         value = json.loads(text or b"")
         place = value["item"], value["row"], value["col"]
-        if path.name != f"{file_name(place[0])}.{place[1]}.{place[2]}{OF_ONE_JOB}":
+        if name != f"{file_name(place[0])}.{place[1]}.{place[2]}{OF_ONE_JOB}":
             return None
         # In one line, whatever the spaces of the file.
         return place, RecordLine(0, STATUSES.index(value["status"]), value.get("started", 0.0), json.dumps(value).encode())

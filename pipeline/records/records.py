@@ -11,9 +11,11 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from orthomill.pipeline.records.record_files import StageFiles, append, wave_of
+from orthomill.pipeline.records.record_files import OwnLog, StageFiles, wave_of
 from orthomill.pipeline.records.record_lines import RecordLine, line_of
-from orthomill.pipeline.storage.kept_files import Defect, KeptFile
+from orthomill.pipeline.storage.depots.depot import Depot
+from orthomill.pipeline.storage.depots.kept_at import depot_of
+from orthomill.pipeline.storage.depots.kept_files import Defect, KeptFile
 
 Key = tuple[str, str, int, int]
 DEFECTS = ("result is missing", "result is damaged")
@@ -70,14 +72,19 @@ class Record(BaseModel):
         return self.stage, self.item, self.row, self.col
 
 
+JOBS = "jobs"
+"""the folder of all records"""
+
+
 class Records:
-    """The records of one run's folder. Those of a stage are read when one is asked for, and are then kept here.
+    """The records of one run. Those of a stage are read when one is asked for, and are then kept here.
 
     Whoever writes belongs to a `wave`: a worker is told it with its order; who runs a project begins one.
     """
 
-    def __init__(self, folder: Path, wave: int | None = None) -> None:
-        self.folder = Path(folder) / "jobs"
+    def __init__(self, place: Path | Depot, wave: int | None = None) -> None:
+        self.depot = depot_of(place)
+        self._logs: dict[str, OwnLog] = {}
         self.wave = wave
         # A worker asks what other workers of its run have done, and nothing else.
         self._least = wave or 0
@@ -87,12 +94,12 @@ class Records:
     def begin(self) -> int:
         """Begin the wave of a run, unless it has begun; returns its number. Nobody else may run the project."""
         if self.wave is None:
-            self.wave = 1 + max((wave_of(path.name) for path in self.folder.glob("*/*")), default=0)
+            self.wave = 1 + max((wave_of(name) for stage in self._folders() for name, _ in self.depot.entries(stage)), default=0)
         return self.wave
 
     def _stage(self, stage: str, afresh: bool = True) -> StageFiles:
         if stage not in self._stages:
-            self._stages[stage], afresh = StageFiles(self.folder / stage, self._least), True
+            self._stages[stage], afresh = StageFiles(self.depot, f"{JOBS}/{stage}", self._least), True
         if afresh:
             self._stages[stage].refresh()
         return self._stages[stage]
@@ -122,7 +129,9 @@ class Records:
         self._append(key, "removed", 0.0, b"")
 
     def _append(self, key: Key, status: str, started: float, text: bytes) -> None:
-        append(self.folder / key[0], self.begin(), line_of(key[1:], status, started, text))
+        if key[0] not in self._logs:
+            self._logs[key[0]] = OwnLog(self.depot, f"{JOBS}/{key[0]}", self.begin())
+        self._logs[key[0]].append(line_of(key[1:], status, started, text))
         if key[0] in self._stages:
             self._stage(key[0])
 
@@ -131,16 +140,19 @@ class Records:
         keys = [(stage, *place) for place in sorted(self._stage(stage).lines)]
         return tuple(record for key in keys if (record := self.get(key)))
 
-    def sort_out(self) -> tuple[tuple[Record, ...], tuple[Path, ...]]:
+    def sort_out(self) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         """All records, and the files in which some cannot be read."""
-        stages = sorted(path.name for path in self.folder.glob("*") if path.is_dir())
+        stages = self.depot.folders(JOBS)
         records = tuple(record for stage in stages for record in self.of_stage(stage))
-        return records, tuple(path for stage in stages for path in sorted(self._stages[stage].damaged))
+        return records, tuple(name for stage in stages for name in sorted(self._stages[stage].damaged))
 
     def fold(self) -> None:
         """Keep what counts of each stage in one file. Nobody else may run the project. Raises StoreError."""
-        for folder in sorted(path for path in self.folder.glob("*") if path.is_dir()):
-            StageFiles(folder).fold()
+        for folder in self._folders():
+            StageFiles(self.depot, folder).fold()
+
+    def _folders(self) -> list[str]:
+        return [f"{JOBS}/{stage}" for stage in self.depot.folders(JOBS)]
 
 
 def _record_of(line: RecordLine) -> Record | None:

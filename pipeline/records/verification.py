@@ -10,7 +10,7 @@ from pathlib import Path
 
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.records import Record, Records
-from orthomill.pipeline.storage.kept_files import defect_of
+from orthomill.pipeline.storage.depots.kept_files import defect_of
 from orthomill.pipeline.storage.store import Store
 
 
@@ -43,12 +43,12 @@ def examine(folder: Path, since: float = 0.0) -> Verification:
             continue
         # Where a later job wrote the same file, an earlier record says nothing about it.
         own = {name: kept for name, kept in record.files.items() if last[name] is record}
-        found = {name: defect for name, kept in own.items() if (defect := defect_of(folder / name, kept, thoroughly=True))}
+        found = {name: defect for name, kept in own.items() if (defect := defect_of(store.depot, name, kept, thoroughly=True))}
         found |= dict.fromkeys(_broken_rasters(record, store), "damaged")
         if found:
             damaged |= found
             records.put(record.model_copy(update={"status": "damaged"}))
-    damaged |= dict.fromkeys((path.relative_to(folder).as_posix() for path in unreadable), "damaged")
+    damaged |= dict.fromkeys(unreadable, "damaged")
     # What cannot be read is left out, and what it may have hidden is done again.
     records.fold()
     size = sum(kept.size for record in done for kept in record.files.values())
@@ -64,9 +64,9 @@ def _is_replaced(record: Record, store: Store) -> bool:
 def _broken_rasters(record: Record, store: Store) -> Iterator[str]:
     for name in record.births:
         if not store.is_sound(name):
-            yield (store.place(name) / "zarr.json").relative_to(store.folder).as_posix()
+            yield f"{store.place(name)}/zarr.json"
 
 
 def _mended(store: Store) -> Iterator[str]:
     for name in store.names():
-        yield from (path.relative_to(store.folder).as_posix() for path in store.mend(store.spec(name)))
+        yield from store.mend(store.spec(name))

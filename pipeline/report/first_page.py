@@ -12,6 +12,7 @@ from typing import Literal
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.signing.product_classes import product_classes
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.schemas.stage_report import OF_A_CAMERA, WHERE_CHECKED, Product, StageReport, Topic
 
 Reports = Mapping[str, StageReport]
@@ -231,13 +232,9 @@ def _time(run: RunFacts) -> str:
 
 def _products(reports: Reports, stages: tuple[StageTitle, ...], folder: Path) -> Iterator[ProductFile]:
     """Files that exist; those of later stages first, for they are what the run was made for."""
+    depot = depot_of(folder)
     for kind, _ in reversed(stages):
         if kind in reports:
             for product in reports[kind].products:
-                path = folder / product.path
-                if path.exists():
-                    yield ProductFile(product, _size(path))
-
-
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.is_file() else sum(part.stat().st_size for part in path.rglob("*") if part.is_file())
+                if (size := depot.size(product.path)) is not None:
+                    yield ProductFile(product, size)

@@ -17,7 +17,7 @@ from typing import Any
 
 from pyproj import CRS
 
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasuredAnswers, ProfilePoint, SurfaceAnswer
 from orthomill.schemas.errors import StoreError
 

@@ -5,15 +5,14 @@ without an error, so that its attributes hold a checksum of all the rest. The me
 """
 
 import json
-import os
 import zlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
+from pathlib import PurePosixPath
 from typing import Any
 
 from orthomill.pipeline.storage.chunk_codec import ChunkCodec
-from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.pipeline.storage.depots.depot import Depot, FileState
 from orthomill.schemas.raster import RasterSpec
 
 METADATA = "zarr.json"
@@ -21,11 +20,16 @@ SEAL = "seal"
 _GROUP: dict[str, Any] = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
 
 
-def seal_array(folder: Path) -> None:
-    """Put a checksum of an array's metadata into its attributes, and write it whole. Raises StoreError."""
-    metadata = json.loads((folder / METADATA).read_text())
+def seal_array(depot: Depot, folder: str) -> None:
+    """Put a checksum of an array's metadata into its attributes, and write it whole. Raises OSError."""
+    depot.put(f"{folder}/{METADATA}", sealed(depot.get(f"{folder}/{METADATA}")))
+
+
+def sealed(content: bytes) -> bytes:
+    """An array's metadata with a checksum in its attributes."""
+    metadata = json.loads(content)
     metadata["attributes"][SEAL] = _checksum(metadata)
-    write_whole(folder / METADATA, json.dumps(metadata, indent=2).encode())
+    return json.dumps(metadata, indent=2).encode()
 
 
 @dataclass(frozen=True)
@@ -52,29 +56,26 @@ class StoredArray:
         return ChunkCodec.of(self.metadata)
 
 
-def array_metadata(folder: Path) -> dict[str, Any] | None:
+def array_metadata(depot: Depot, folder: str) -> dict[str, Any] | None:
     """The metadata of an array; None where there is none or it is damaged. Arrays of earlier versions have no seal."""
-    found = stored_array(folder)
+    found = stored_array(depot, folder)
     return found.metadata if found else None
 
 
-def stored_array(folder: Path) -> StoredArray | None:
+def stored_array(depot: Depot, folder: str) -> StoredArray | None:
     """The array in a folder; None where there is none or its metadata are damaged."""
-    try:
-        state = os.stat(f"{folder}/{METADATA}")
-    except OSError:
-        return None
-    return _sealed(folder, state.st_mtime_ns, state.st_size, state.st_ino)
+    state = depot.state(f"{folder}/{METADATA}")
+    return _sealed(depot, folder, state) if state else None
 
 
 @lru_cache(maxsize=1024)
-def _sealed(folder: Path, changed: int, size: int, number: int) -> StoredArray | None:
+def _sealed(depot: Depot, folder: str, state: FileState) -> StoredArray | None:
     # Kept by the file's state: every job opens its arrays anew, and most of them are those of the job before.
-    metadata = _read(folder)
+    metadata = _read(depot, folder)
     if metadata is None or metadata.get("node_type") != "array" or not isinstance(metadata.get("attributes"), dict):
         return None
-    sealed = metadata["attributes"].get(SEAL)
-    return StoredArray(metadata) if sealed in (None, _checksum(metadata)) else None
+    found = metadata["attributes"].get(SEAL)
+    return StoredArray(metadata) if found in (None, _checksum(metadata)) else None
 
 
 def _checksum(metadata: dict[str, Any]) -> str:
@@ -83,21 +84,21 @@ def _checksum(metadata: dict[str, Any]) -> str:
     return f"{zlib.crc32(json.dumps(metadata | {'attributes': attributes}, sort_keys=True).encode()):08x}"
 
 
-def ensure_groups(top: Path, folder: Path) -> list[Path]:
+def ensure_groups(depot: Depot, top: str, folder: str) -> list[str]:
     """Write the metadata of the group `folder` and of all groups above it up to `top`, where it is missing or damaged.
 
-    Returns the files that were written. Raises StoreError.
+    Returns the names of the files that were written. Raises OSError, StoreError.
     """
-    groups = [place for place in (folder, *folder.parents) if place.is_relative_to(top)]
-    wanting = [place / METADATA for place in groups if _read(place) != _GROUP]
-    for path in wanting:
-        write_whole(path, json.dumps(_GROUP, indent=2).encode())
+    groups = [f"{place}" for place in (PurePosixPath(folder), *PurePosixPath(folder).parents) if place.is_relative_to(top)]
+    wanting = [f"{place}/{METADATA}" for place in groups if _read(depot, place) != _GROUP]
+    for name in wanting:
+        depot.put(name, json.dumps(_GROUP, indent=2).encode())
     return wanting
 
 
-def _read(folder: Path) -> dict[str, Any] | None:
+def _read(depot: Depot, folder: str) -> dict[str, Any] | None:
     try:
-        value = json.loads((folder / METADATA).read_bytes())
+        value = json.loads(depot.get(f"{folder}/{METADATA}"))
     except (OSError, ValueError):  # absent, not UTF-8, or no JSON
         return None
     return value if isinstance(value, dict) else None

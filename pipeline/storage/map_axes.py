@@ -6,15 +6,16 @@ convention's `grid_mapping`, which names an empty array with the system in its a
 share their axes. Pixel rasters have axes of their own, because their sizes differ within a group.
 """
 
-import shutil
-from pathlib import Path
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 from pyproj import CRS
 
-from orthomill.pipeline.storage.array_metadata import array_metadata, seal_array
+from orthomill.pipeline.storage.array_metadata import array_metadata
+from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.file_names import path_of
+from orthomill.pipeline.storage.zarr_arrays import put_array, values_of_array
 from orthomill.schemas.raster import MapGrid, RasterSpec
 
 GRID_MAPPING = "spatial_ref"
@@ -38,56 +39,46 @@ def map_attributes(spec: RasterSpec) -> dict[str, Any]:
     return attributes
 
 
-def write_axes(rasters: Path, spec: RasterSpec) -> list[Path]:
+def write_axes(depot: Depot, top: str, spec: RasterSpec) -> list[str]:
     """Write the coordinate arrays and the reference system of a map raster into its group, unless they are there already.
 
-    Returns the folders of the arrays that were written.
+    `top` is the folder of all rasters. Returns the folders of the arrays that were written. Raises OSError, StoreError.
     """
     if not spec.transform:
         return []
-    folder = rasters / path_of(spec.name).parent
+    folder = (PurePosixPath(top) / path_of(spec.name).parent).as_posix()
     cell, _, west, _, _, north = spec.transform
     grid = MapGrid(west=west, north=north, cell=cell, rows=spec.shape[0], cols=spec.shape[1])
     columns, rows = grid.centres(spec.full)
     wanted = list(zip(spec.axes, "yx", (rows, columns), strict=True))
     # Absent, damaged, or the grid has changed since an earlier run: then its rasters are created again, and their axes with them.
-    wanting = [axis for axis in wanted if not _is_whole(folder / axis[0], axis[2])]
+    wanting = [axis for axis in wanted if not _is_whole(depot, f"{folder}/{axis[0]}", axis[2])]
     for name, direction, values in wanting:
-        _write_axis(folder / name, direction, values)
-    written = [folder / name for name, _, _ in wanting]
-    if spec.crs and not array_metadata(folder / GRID_MAPPING):
-        _write_reference_system(folder / GRID_MAPPING, spec.crs)
-        written.append(folder / GRID_MAPPING)
+        _write_axis(depot, f"{folder}/{name}", direction, values)
+    written = [f"{folder}/{name}" for name, _, _ in wanting]
+    if spec.crs and not array_metadata(depot, f"{folder}/{GRID_MAPPING}"):
+        _write_reference_system(depot, f"{folder}/{GRID_MAPPING}", spec.crs)
+        written.append(f"{folder}/{GRID_MAPPING}")
     return written
 
 
-def _write_axis(folder: Path, direction: str, values: np.ndarray) -> None:
-    import zarr
-
+def _write_axis(depot: Depot, folder: str, direction: str, values: np.ndarray) -> None:
     axis, standard_name = _DIRECTIONS[direction]
-    name = folder.name
+    name = PurePosixPath(folder).name
     attributes: dict[str, Any] = {"axis": axis, "standard_name": standard_name, "units": "m", "_ARRAY_DIMENSIONS": [name]}
-    shutil.rmtree(folder, ignore_errors=True)
-    array = zarr.create_array(folder, shape=values.shape, dtype="float64", dimension_names=[name], attributes=attributes)
-    array[:] = values
-    seal_array(folder)
+    wanted = {"shape": values.shape, "dtype": "float64", "dimension_names": [name], "attributes": attributes}
+    put_array(depot, folder, wanted, values)
 
 
-def _write_reference_system(folder: Path, crs: str) -> None:
-    import zarr
-
-    shutil.rmtree(folder, ignore_errors=True)
-    zarr.create_array(folder, shape=(), dtype="int8", attributes=CRS(crs).to_cf() | {"spatial_ref": CRS(crs).to_wkt()})
-    seal_array(folder)
+def _write_reference_system(depot: Depot, folder: str, crs: str) -> None:
+    put_array(depot, folder, {"shape": (), "dtype": "int8", "attributes": CRS(crs).to_cf() | {"spatial_ref": CRS(crs).to_wkt()}})
 
 
-def _is_whole(folder: Path, values: np.ndarray) -> bool:
+def _is_whole(depot: Depot, folder: str, values: np.ndarray) -> bool:
     """Whether an axis exists, can be read and has these values."""
-    if not array_metadata(folder):
+    if not array_metadata(depot, folder):
         return False
-    import zarr
-
     try:
-        return np.array_equal(np.asarray(zarr.open_array(folder, mode="r")[:]), values)
-    except (ValueError, RuntimeError):  # of zarr's codecs, for a damaged chunk
+        return np.array_equal(values_of_array(depot, folder), values)
+    except (OSError, ValueError, RuntimeError):  # of zarr's codecs, for a damaged chunk
         return False

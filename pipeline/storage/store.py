@@ -5,9 +5,7 @@ silently. Every raster has a birth mark: the record of a job is valid only as lo
 Every chunk ends with a checksum, which is compared when it is read.
 """
 
-import shutil
 import uuid
-import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path, PurePosixPath
@@ -15,12 +13,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from orthomill.pipeline.storage.array_metadata import METADATA, StoredArray, array_metadata, ensure_groups, seal_array, stored_array
+from orthomill.pipeline.storage.array_metadata import METADATA, StoredArray, array_metadata, ensure_groups, stored_array
 from orthomill.pipeline.storage.chunk_codec import UnknownCodec
+from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
-from orthomill.pipeline.storage.whole_files import replacing
+from orthomill.pipeline.storage.zarr_arrays import put_array
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Raster, Table
 from orthomill.schemas.raster import RasterSpec, Window
@@ -28,38 +29,51 @@ from orthomill.schemas.raster import RasterSpec, Window
 T = TypeVar("T")
 
 
-class Store:
-    """Rasters and tables of one run's folder. Cheap to create; every worker creates its own."""
+RASTERS = "rasters.zarr"
+"""the group of all rasters"""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = Path(folder)
+
+class Store:
+    """Rasters and tables of one run. Cheap to create; every worker creates its own."""
+
+    def __init__(self, place: Path | Depot) -> None:
+        self.depot = depot_of(place)
         self._arrays: dict[str, StoredArray] = {}
-        self.written: dict[Path, int] = {}
-        """CRC-32 of the files that were written here"""
+        self.written: dict[str, KeptFile] = {}
+        """the files of chunks that were written here, by name in the depot"""
 
     @property
-    def rasters(self) -> Path:
-        return self.folder / "rasters.zarr"
+    def folder_name(self) -> str:
+        """The last part of where the results are kept: the project's name."""
+        return PurePosixPath(self.depot.address).name
 
-    def place(self, name: str) -> Path:
-        """The folder of a raster."""
-        return self.rasters / path_of(name)
+    @property
+    def rasters(self) -> Any:
+        """The group of all rasters as other programs open it: a folder, or zarr's own object store."""
+        if isinstance(self.depot, Folder):
+            return self.depot.path / RASTERS
+        from zarr.storage import ObjectStore
+
+        from orthomill.pipeline.storage.depots.bucket import bucket_of
+
+        return ObjectStore(bucket_of(f"{self.depot.address}/{RASTERS}").store, read_only=True)
+
+    def place(self, name: str) -> str:
+        """The folder of a raster in the depot."""
+        return f"{RASTERS}/{path_of(name).as_posix()}"
 
     def names(self) -> tuple[str, ...]:
         """Names of all rasters that exist, sorted."""
-        return tuple(sorted(self._walk(self.rasters)))
+        return tuple(sorted(self._walk(RASTERS)))
 
-    def _walk(self, folder: Path) -> Iterator[str]:
-        if not folder.is_dir():
-            return
-        for entry in folder.iterdir():
-            if not entry.is_dir():
-                continue
-            if metadata := array_metadata(entry):
+    def _walk(self, folder: str) -> Iterator[str]:
+        for entry in self.depot.folders(folder):
+            inside = f"{folder}/{entry}"
+            if metadata := array_metadata(self.depot, inside):
                 if "spec" in metadata["attributes"]:  # coordinates of map axes are arrays too, but no rasters
                     yield metadata["attributes"]["spec"]["name"]
             else:
-                yield from self._walk(entry)
+                yield from self._walk(inside)
 
     def create(self, spec: RasterSpec) -> str:
         """Create the raster unless it exists with the same specification; returns its birth mark. Raises StoreError."""
@@ -67,65 +81,61 @@ class Store:
             if self.holds(spec):
                 return self.birth(spec.name)
             self.delete(spec.name)
-            ensure_groups(self.rasters, self.place(spec.name).parent)
+            ensure_groups(self.depot, RASTERS, self.place(spec.name).rpartition("/")[0])
             self._new_array(spec)
-            write_axes(self.rasters, spec)
+            write_axes(self.depot, RASTERS, spec)
         except OSError as error:
             raise StoreError(
-                f"The raster {spec.name} cannot be created in {self.rasters}: {error.strerror}; make room or make it writable."
+                f"The raster {spec.name} cannot be created in {self.depot.address}: {error.strerror}; make room or make it "
+                "writable."
             ) from error
         return self.birth(spec.name)
 
     def _new_array(self, spec: RasterSpec) -> None:
-        import zarr
         from zarr.codecs import BloscCodec, Crc32cCodec
 
-        zarr.create_array(
-            self.rasters,
-            name=path_of(spec.name).as_posix(),
-            shape=spec.shape,
-            chunks=spec.chunks,
-            dtype=spec.dtype,
-            fill_value=_fill_value(spec),
+        wanted = {
+            "shape": spec.shape,
+            "chunks": spec.chunks,
+            "dtype": spec.dtype,
+            "fill_value": _fill_value(spec),
             # lz4 at its fastest level: reading and writing must not cost more than computing a tile.
-            compressors=(BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), Crc32cCodec()),
-            dimension_names=dimension_names(spec),
-            attributes={"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
-        )
-        seal_array(self.place(spec.name))
+            "compressors": (BloscCodec(cname="lz4", clevel=1, shuffle="shuffle"), Crc32cCodec()),
+            "dimension_names": dimension_names(spec),
+            "attributes": {"spec": spec.model_dump(mode="json"), "birth": uuid.uuid4().hex, **map_attributes(spec)},
+        }
+        put_array(self.depot, self.place(spec.name), wanted)
 
-    def mend(self, spec: RasterSpec) -> list[Path]:
+    def mend(self, spec: RasterSpec) -> list[str]:
         """Write again what belongs to no job, where it is lost or damaged: the groups and the map axes of a raster. Returns it."""
-        return [*ensure_groups(self.rasters, self.place(spec.name).parent), *write_axes(self.rasters, spec)]
+        group = self.place(spec.name).rpartition("/")[0]
+        return [*ensure_groups(self.depot, RASTERS, group), *write_axes(self.depot, RASTERS, spec)]
 
     def sweep(self) -> None:
         """Remove what a killed run was writing: files under temporary names, which nothing reads. Nothing else may write now."""
-        # zarr ends its temporary names in .partial, write_whole in .part.
-        for path in self.folder.rglob("*.part*"):
-            # A photograph may be called "part": then it is a folder that ends so.
-            if path.suffix in {".partial", ".part"} and path.is_file():
-                path.unlink(missing_ok=True)
+        self.depot.sweep()
 
     def delete(self, name: str) -> None:
         """Remove a raster with its data."""
         self._arrays.pop(name, None)
-        shutil.rmtree(self.place(name), ignore_errors=True)
+        with suppress(OSError):  # a folder that cannot be removed cannot be written either, which is told then
+            self.depot.clear(self.place(name))
 
     def has(self, name: str) -> bool:
-        return (self.place(name) / METADATA).exists()
+        return self.depot.state(f"{self.place(name)}/{METADATA}") is not None
 
     def is_sound(self, name: str) -> bool:
         """Whether a raster exists and its metadata are whole."""
-        return stored_array(self.place(name)) is not None
+        return stored_array(self.depot, self.place(name)) is not None
 
     def holds(self, spec: RasterSpec) -> bool:
         """Whether a raster of this specification exists, with metadata that are whole."""
-        found = stored_array(self.place(spec.name))
+        found = stored_array(self.depot, self.place(spec.name))
         return found is not None and found.spec.same(spec)
 
     def _array(self, name: str) -> StoredArray:
         if name not in self._arrays:
-            found = stored_array(self.place(name))
+            found = stored_array(self.depot, self.place(name))
             if found is None:
                 raise StoreError(self._why_not(name))
             self._arrays[name] = found
@@ -133,7 +143,7 @@ class Store:
 
     def _why_not(self, name: str) -> str:
         if not self.has(name):
-            return f"There is no raster {name} in {self.rasters}; run the stage '{name.split('/')[0]}' first."
+            return f"There is no raster {name} in {self.depot.address}; run the stage '{name.split('/')[0]}' first."
         if inside := [other for other in self.names() if other.startswith(f"{name}/")]:
             return f"{name} is no raster but holds several, such as {', '.join(inside[:3])}."
         return f"The metadata of the raster {name} are damaged; run again, and it is computed again."
@@ -152,10 +162,10 @@ class Store:
             raise StoreError(f"{window} extends beyond the raster {name} of shape {array.shape}; clip it first.")
         try:
             values = np.full(window.shape + array.shape[2:], array.codec.fill, array.codec.dtype)
-            for path, chunk in self._chunks(name, array, window):
+            for file, chunk in self._chunks(name, array, window):
                 with suppress(FileNotFoundError):  # nothing but its fill value
                     both = window.overlap(chunk)
-                    values[both.within(window).slices] = array.codec.decode(path.read_bytes())[both.within(chunk).slices]
+                    values[both.within(window).slices] = array.codec.decode(self.depot.get(file))[both.within(chunk).slices]
         except UnknownCodec as error:
             raise StoreError(f"The raster {name} cannot be read: {error}; remove it, and it is computed again.") from error
         except (ValueError, RuntimeError) as error:  # a wrong checksum, and the word of the decompressor
@@ -173,52 +183,51 @@ class Store:
         if not np.can_cast(values.dtype, array.codec.dtype, casting="same_kind"):
             raise StoreError(f"{name} holds {array.codec.dtype}, but was given {values.dtype}.")
         try:
-            for path, chunk in self._chunks(name, array, window):
-                self._write_chunk(path, array.codec.encode(values[window.overlap(chunk).within(window).slices]))
+            for file, chunk in self._chunks(name, array, window):
+                self._write_chunk(file, array.codec.encode(values[window.overlap(chunk).within(window).slices]))
         except OSError as error:
             raise StoreError(
                 f"The raster {name} cannot be written: {error.strerror}; make room on the disk, then run again."
             ) from error
 
-    def _write_chunk(self, path: Path, content: bytes | None) -> None:
+    def _write_chunk(self, name: str, content: bytes | None) -> None:
         if content is None:
-            path.unlink(missing_ok=True)
-            return
-        with replacing(path) as stream:
-            stream.write(content)
-        self.written[path] = zlib.crc32(content)
+            self.depot.delete(name)
+        else:
+            self.written[name] = self.depot.put(name, content)
 
-    def _chunks(self, name: str, array: StoredArray, window: Window) -> Iterator[tuple[Path, Window]]:
+    def _chunks(self, name: str, array: StoredArray, window: Window) -> Iterator[tuple[str, Window]]:
         """The file and the window of every chunk that a window touches."""
         high, wide = array.codec.shape[:2]
         bands = "/0" * (len(array.shape) - 2)
         place = self.place(name)
         for row in range(window.row // high, -(-(window.row + window.height) // high)):
             for col in range(window.col // wide, -(-(window.col + window.width) // wide)):
-                yield place / f"c/{row}/{col}{bands}", Window(row * high, col * wide, high, wide)
+                yield f"{place}/c/{row}/{col}{bands}", Window(row * high, col * wide, high, wide)
 
-    def files(self, output: Raster | Table[Any]) -> Iterator[Path]:
-        """The files that hold an output. A chunk that is nothing but its fill value has none."""
+    def files(self, output: Raster | Table[Any]) -> Iterator[str]:
+        """The files that hold an output that was written here. A chunk that is nothing but its fill value has none."""
         if isinstance(output, Table):
             yield self.table_path(output)
             return
-        yield from (path for path, _ in self._chunks(output.name, self._array(output.name), output.window) if path.exists())
+        yield from (file for file, _ in self._chunks(output.name, self._array(output.name), output.window) if file in self.written)
 
     def has_table(self, table: Table[Any]) -> bool:
-        return self.table_path(table).exists()
+        return self.depot.state(self.table_path(table)) is not None
 
-    def table_path(self, table: Table[Any]) -> Path:
-        return self.folder / "tables" / path_of(table.path, PurePosixPath(table.path).suffix)
+    def table_path(self, table: Table[Any]) -> str:
+        """The name of a table's file in the depot."""
+        return f"tables/{path_of(table.path, PurePosixPath(table.path).suffix).as_posix()}"
 
     def table(self, table: Table[T]) -> T:
         """The value of a table. Raises StoreError."""
-        return read_table(self.table_path(table), table)
+        return read_table(self.depot, self.table_path(table), table)
 
     def write_table(self, table: Table[T], value: T) -> None:
         """Store a table whole. Raises StoreError when the value is not of the table's type."""
         if not isinstance(value, table.type):
             raise StoreError(f"The table {table.path} holds {table.type.__name__}, but was given {type(value).__name__}.")
-        write_table(self.table_path(table), value)
+        write_table(self.depot, self.table_path(table), value)
 
 
 def aligned(window: Window, shape: tuple[int, ...], chunks: tuple[int, ...]) -> bool:

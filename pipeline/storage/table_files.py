@@ -5,7 +5,6 @@ would store each byte as a 32-bit integer, which costs more to read than everyth
 """
 
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pydantic_core import to_json
 
+from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
-from orthomill.pipeline.storage.whole_files import whole_file, write_whole
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -24,8 +23,18 @@ _PIECES = 16
 """binary values that are packed together"""
 
 
-def write_table(path: Path, value: Any) -> None:
-    """Store a pydantic model (.json) or a `Columns` (.parquet) at `path`. Raises StoreError."""
+def write_table(depot: Depot, name: str, value: Any) -> None:
+    """Store a pydantic model (.json) or a `Columns` (.parquet) under a name. Raises StoreError."""
+    try:
+        _write(depot, name, value)
+    except OSError as error:
+        raise StoreError(
+            f"{depot.address}/{name} cannot be written: {error.strerror}; make room on the disk or make the folder "
+            "writable, then run again."
+        ) from error
+
+
+def _write(depot: Depot, name: str, value: Any) -> None:
     if isinstance(value, Columns):
         columns = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)}
         only_bytes = all(column.dtype == np.uint8 for column in columns.values())
@@ -33,7 +42,7 @@ def write_table(path: Path, value: Any) -> None:
         # Dictionaries pay off for names and codes; measured values hardly repeat, but their first bytes are alike, side by side.
         measured = [name for name, column in columns.items() if column.dtype.kind == "f"]
         # Straight to the disk: in memory a file of a hundred megabytes would stand there three times while it grows.
-        with whole_file(path) as stream:
+        with depot.writing(name) as stream:
             pq.write_table(
                 pa.table(arrays),
                 stream,
@@ -44,7 +53,7 @@ def write_table(path: Path, value: Any) -> None:
                 write_page_checksum=True,
             )
     else:
-        write_whole(path, seal(to_json(value, indent=1, inf_nan_mode="constants")))
+        depot.put(name, seal(to_json(value, indent=1, inf_nan_mode="constants")))
 
 
 def _pieces(column: np.ndarray) -> pa.Array:
@@ -69,23 +78,23 @@ def _bytes(chunk: pa.Array) -> np.ndarray:
     return np.frombuffer(data, np.uint8)[ends[0] : ends[1]] if data is not None else np.zeros(0, np.uint8)
 
 
-def read_table(path: Path, table: Table[Any]) -> Any:
+def read_table(depot: Depot, name: str, table: Table[Any]) -> Any:
     """The value of a stored table. Raises StoreError when it is absent or not of its type."""
     try:
         if issubclass(table.type, Columns):
             # One column after the other: all of them at once would be there twice, as stored and as numbers.
-            with pq.ParquetFile(path, page_checksum_verification=True) as stored:
+            with depot.local(name) as path, pq.ParquetFile(path, page_checksum_verification=True) as stored:
                 return table.type(**{f.name: _numbers(stored.read([f.name])[f.name]) for f in fields(table.type)})
-        text = unsealed(path.read_bytes())
+        text = unsealed(depot.get(name))
         if text is None:
             raise ValueError("wrong checksum")
         return table.type.model_validate_json(text)
     except FileNotFoundError:
-        raise StoreError(f"{path} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
+        raise StoreError(f"{depot.address}/{name} does not exist; run the stage '{table.path.split('/')[0]}' first.") from None
     # KeyError: a column that this version has and the file has not. ValueError: columns of different lengths, or invalid ones
     # (pydantic's and some of pyarrow's errors are among them); pyarrow reports damaged pages as OSError.
     except (KeyError, ValueError, OSError, pa.ArrowException) as error:
         raise StoreError(
-            f"{path} is damaged or from another version ({type(error).__name__}); find all damage with 'orthomill verify', "
-            "then run again."
+            f"{depot.address}/{name} is damaged or from another version ({type(error).__name__}); find all damage with "
+            "'orthomill verify', then run again."
         ) from error

@@ -64,7 +64,7 @@ def covariance(
     """Covariances of points of the ground and of photographs, and between any two of them."""
     from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.storage.table_files import write_whole
+    from orthomill.pipeline.storage.whole_files import write_whole
     from orthomill.tasks.lookups import StoredCovariance
 
     with plain_errors(debug):
@@ -123,7 +123,7 @@ def accept(
         show_acceptance,
     )
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.storage.table_files import write_whole
+    from orthomill.pipeline.storage.whole_files import write_whole
     from orthomill.schemas.errors import WorkflowError
     from orthomill.tasks.lookups import Inspector, SurveyedPoint, accepted, inspected
 

@@ -45,6 +45,9 @@ def run(
     cluster: Annotated[
         Path | None, typer.Option(help="A cluster to be started: its YAML file; 'orthomill cluster template slurm' writes one.")
     ] = None,
+    store: Annotated[
+        str, typer.Option(help="Keep the results in an object store: s3://BUCKET/PREFIX, gs:// or az://; no disk is shared then.")
+    ] = "",
     port: Annotated[int, typer.Option(help="Port of the dashboard; the next free one if it is taken.", min=1, max=65535)] = 8787,
     tls_ca: Annotated[Path | None, typer.Option(help="Certificate of the authority of an existing cluster (PEM).")] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Your certificate for that cluster (PEM).")] = None,
@@ -70,6 +73,7 @@ def run(
             sequential=sequential,
             scheduler=scheduler,
             port=port,
+            store=store,
             tls=_tls_files(scheduler, (tls_ca, tls_cert, tls_key)),
         )
         end = run_project(loaded, asked if cluster is None else _on_cluster(asked, cluster), as_json)

@@ -12,7 +12,7 @@ from orthomill.pipeline.serving.marking.field_files import GEOJSON, GPX, next_po
 from orthomill.pipeline.serving.marking.mark_ledger import AreaChange, Change, MarkLedger
 from orthomill.pipeline.serving.marking.mask_images import MaskImages
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
-from orthomill.pipeline.storage.table_files import write_whole
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import OrthomillError
 from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkJudgement, MarkProposal, Marks, NextPoint
 from orthomill.schemas.raster import Window

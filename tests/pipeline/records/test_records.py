@@ -43,7 +43,7 @@ def test_a_record_comes_back_as_it_was(records):
     kept = record(births={"texture/ortho": "b"}, started=12.5, seconds=0.25, worker="77", peak_bytes=2**30, run="r")
     records.put(kept)
     assert records.get(kept.key) == kept
-    (log,) = records.folder.joinpath("texture").iterdir()
+    (log,) = (records.depot.path / "jobs").joinpath("texture").iterdir()
     assert log.name.startswith("00000001-") and log.suffix == ".log"
 
 
@@ -55,11 +55,11 @@ def test_a_job_without_a_record_has_none(records):
 
 def test_a_removed_record_is_gone(records):
     records.put(record())
-    later = Records(records.folder.parent)
+    later = Records(records.depot)
     later.remove(record().key)
     assert later.get(record().key) is None and records.afresh(record().key) is None
     later.fold()
-    assert Records(records.folder.parent).get(record().key) is None
+    assert Records(records.depot).get(record().key) is None
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"stage": "texture"}', b"\xff\xfe", b"[1]", b"null", b'{"item": []}'])
@@ -73,7 +73,7 @@ def test_a_damaged_record_of_an_earlier_version_counts_as_none(records, content)
 
 def of_one_job(records, kept: Record):
     """The file of a record as earlier versions wrote it."""
-    place = records.folder / kept.stage / f"{file_name(kept.item)}.{kept.row}.{kept.col}.json"
+    place = (records.depot.path / "jobs") / kept.stage / f"{file_name(kept.item)}.{kept.row}.{kept.col}.json"
     place.parent.mkdir(parents=True, exist_ok=True)
     return place
 
@@ -102,8 +102,8 @@ def test_a_record_under_the_name_of_another_job_counts_as_none(records):
 
 def test_records_of_another_stage_count_as_none(records):
     records.put(record())
-    records.folder.joinpath("texture").rename(records.folder / "photos")
-    assert Records(records.folder.parent).of_stage("photos") == ()
+    (records.depot.path / "jobs").joinpath("texture").rename((records.depot.path / "jobs") / "photos")
+    assert Records(records.depot).of_stage("photos") == ()
 
 
 OTHER = {name: PRINT.model_copy(update={name: "x"}) for name in ("settings", "code", "inputs")}
@@ -143,16 +143,16 @@ def test_every_part_of_a_fingerprint_counts_in_its_text():
 @given(st.data())
 def test_no_flipped_bit_changes_what_a_record_says(records, data):
     kept = [record(row=row, files={"tables/a.json": (3, 4, 5)}, seconds=1.25) for row in (1, 2, 3)]
-    shutil.rmtree(records.folder, ignore_errors=True)
+    shutil.rmtree((records.depot.path / "jobs"), ignore_errors=True)
     for one in kept:
-        Records(records.folder.parent, 1).put(one)
-    (path,) = records.folder.joinpath("texture").iterdir()
+        Records((records.depot.path / "jobs").parent, 1).put(one)
+    (path,) = (records.depot.path / "jobs").joinpath("texture").iterdir()
     content = bytearray(path.read_bytes())
     content[data.draw(st.integers(0, len(content) - 1))] ^= 1 << data.draw(st.integers(0, 7))
     path.write_bytes(content)
-    found, damaged = Records(records.folder.parent).sort_out()
+    found, damaged = Records(records.depot).sort_out()
     assert set(map(str, found)) <= set(map(str, kept)) and len(found) >= 1, "the others are as they were"
-    assert len(found) == 3 or damaged == (path,) or content[-1:] != b"\n"
+    assert len(found) == 3 or damaged == (f"jobs/texture/{path.name}",) or content[-1:] != b"\n"
 
 
 def test_records_of_an_earlier_version_count_with_a_checksum_and_without(records):
@@ -161,24 +161,24 @@ def test_records_of_an_earlier_version_count_with_a_checksum_and_without(records
     assert records.get(record().key) == record() and records.get(record(row=4).key) == record(row=4, seconds=2.5)
     records.put(record(row=4, status="failed"))
     records.fold()
-    assert [path.name for path in records.folder.joinpath("texture").iterdir()] == ["00000001.done"]
-    assert Records(records.folder.parent).of_stage("texture") == (record(), record(row=4, status="failed"))
+    assert [path.name for path in (records.depot.path / "jobs").joinpath("texture").iterdir()] == ["00000001.done"]
+    assert Records(records.depot).of_stage("texture") == (record(), record(row=4, status="failed"))
 
 
 def test_the_end_of_a_log_that_a_killed_process_left_is_no_record(records):
     records.put(record())
     records.put(record(row=9, status="failed"))
-    (log,) = records.folder.joinpath("texture").iterdir()
+    (log,) = (records.depot.path / "jobs").joinpath("texture").iterdir()
     whole = log.read_bytes()
     for cut in range(whole.index(b"\n") + 1, len(whole)):
         log.write_bytes(whole[:cut])
-        found, damaged = Records(records.folder.parent).sort_out()
+        found, damaged = Records(records.depot).sort_out()
         assert found == (record(),) and damaged == ()
 
 
 def test_what_another_process_has_done_is_seen_when_it_is_asked_for_afresh(records):
     assert records.get(record().key) is None
-    other = Records(records.folder.parent, wave=1)
+    other = Records((records.depot.path / "jobs").parent, wave=1)
     other.remove(record().key)
     other.put(record(worker="other"))
     assert records.get(record().key) is None and records.afresh(record().key).worker == "other"
@@ -188,13 +188,14 @@ def test_what_another_process_has_done_is_seen_when_it_is_asked_for_afresh(recor
 def test_within_a_run_what_is_done_counts_and_otherwise_the_later_run(records, order):
     """Two workers that do the same job, one of them killed, may be read in any order."""
     lines = [line_of(("tile", 2, 3), status, 0.0, text) for status, text in (("removed", b""), ("failed", b"{}"), ("done", b"{2}"))]
-    stage = StageFiles(records.folder / "texture")
-    stage.folder.mkdir(parents=True)
+    stage = StageFiles(records.depot, "jobs/texture")
+    folder = records.depot.path / stage.folder
+    folder.mkdir(parents=True)
     for number in order:
-        (stage.folder / f"00000002-{number}-a.log").write_bytes(lines[number])
+        (folder / f"00000002-{number}-a.log").write_bytes(lines[number])
     stage.refresh()
     assert stage.lines["tile", 2, 3].text == b"{2}"
-    (stage.folder / "00000003-0-a.log").write_bytes(lines[0])
+    (folder / "00000003-0-a.log").write_bytes(lines[0])
     stage.refresh()
     assert stage.lines["tile", 2, 3].text == b""
 
@@ -202,7 +203,7 @@ def test_within_a_run_what_is_done_counts_and_otherwise_the_later_run(records, o
 def test_who_looks_while_the_records_are_folded_misses_none(records, monkeypatch):
     for row in (1, 2):
         records.put(record(row=row))
-    real, looked = StageFiles._take, Records(records.folder.parent)
+    real, looked = StageFiles._take, Records(records.depot)
 
     def folded_meanwhile(stage, path):
         monkeypatch.setattr(StageFiles, "_take", real)
@@ -217,10 +218,10 @@ def test_who_looks_while_the_records_are_folded_misses_none(records, monkeypatch
 def test_folding_that_is_killed_anywhere_loses_nothing(records, killed, monkeypatch):
     for wave in (1, 2, 3):
         for row in range(wave, 5):
-            Records(records.folder.parent, wave).put(record(row=row, seconds=float(wave)))
-    Records(records.folder.parent, 3).remove(record(row=4).key)
+            Records((records.depot.path / "jobs").parent, wave).put(record(row=row, seconds=float(wave)))
+    Records((records.depot.path / "jobs").parent, 3).remove(record(row=4).key)
     of_one_job(records, record(row=0)).write_text(record(row=0).model_dump_json())
-    before = Records(records.folder.parent).of_stage("texture")
+    before = Records(records.depot).of_stage("texture")
     assert [kept.row for kept in before] == [0, 1, 2, 3, 4]
     calls = iter(range(99))
 
@@ -237,16 +238,16 @@ def test_folding_that_is_killed_anywhere_loses_nothing(records, killed, monkeypa
         patch.setattr(os, "replace", at_last(os.replace))
         with suppress(KeyboardInterrupt):
             records.fold()
-    assert Records(records.folder.parent).of_stage("texture") == before
-    Records(records.folder.parent).fold()
-    assert Records(records.folder.parent).of_stage("texture") == before
-    assert len(list(records.folder.joinpath("texture").iterdir())) == 1
+    assert Records(records.depot).of_stage("texture") == before
+    Records(records.depot).fold()
+    assert Records(records.depot).of_stage("texture") == before
+    assert len(list((records.depot.path / "jobs").joinpath("texture").iterdir())) == 1
 
 
 def test_records_that_find_no_room_on_the_disk_leave_no_half_line(records):
     records.put(record())
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
-    (log,) = records.folder.joinpath("texture").iterdir()
+    (log,) = (records.depot.path / "jobs").joinpath("texture").iterdir()
     whole = log.read_bytes()
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 10, limit[1]))

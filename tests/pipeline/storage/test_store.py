@@ -27,8 +27,8 @@ def test_a_new_raster_is_empty_and_remembers_its_specification(store):
     spec = map_raster("densification/height", grid, "float32", "EPSG:2100", 32, nodata=float("nan"), unit="m")
     store.create(spec)
     assert np.isnan(store.read(spec.name, spec.full)).all()
-    kept = Store(store.folder).spec(spec.name)
-    assert Store(store.folder).create(spec) == store.birth(spec.name), "the same raster must survive a second run"
+    kept = Store(store.depot.path).spec(spec.name)
+    assert Store(store.depot.path).create(spec) == store.birth(spec.name), "the same raster must survive a second run"
     assert kept.transform == grid.transform and kept.unit == "m" and store.names() == (spec.name,)
 
 
@@ -90,13 +90,13 @@ def test_tiles_cover_a_raster_once_with_whole_chunks(rows, cols, size):
 def test_what_a_killed_run_was_writing_is_removed(store):
     store.create(spec_of())
     store.write("a/b", Window(0, 0, 32, 32), np.ones((32, 32), np.float32))
-    write_whole(store.folder / "tables" / "a.json", b"{}")
-    before = sorted(store.folder.rglob("*"))
+    write_whole(store.depot.path / "tables" / "a.json", b"{}")
+    before = sorted(store.depot.path.rglob("*"))
     for place in ("rasters.zarr/a/zarr.0f.partial", "rasters.zarr/a/b/c/1/0.1e.partial", "tables/.x1.part"):
-        (store.folder / place).parent.mkdir(parents=True, exist_ok=True)
-        (store.folder / place).write_bytes(b"half")
+        (store.depot.path / place).parent.mkdir(parents=True, exist_ok=True)
+        (store.depot.path / place).write_bytes(b"half")
     store.sweep()
-    assert [path for path in sorted(store.folder.rglob("*")) if path.is_file()] == [path for path in before if path.is_file()]
+    assert [path for path in sorted(store.depot.path.rglob("*")) if path.is_file()] == [path for path in before if path.is_file()]
     assert (store.read("a/b", Window(0, 0, 32, 32)) == 1).all()
 
 
@@ -115,7 +115,7 @@ def test_long_tables_keep_their_columns(store):
 
 
 def test_a_damaged_table_is_named(store):
-    path = store.table_path(TIE_POINTS)
+    path = store.depot.path / store.table_path(TIE_POINTS)
     path.parent.mkdir(parents=True)
     path.write_bytes(b"not parquet")
     with pytest.raises(StoreError, match="damaged"):

@@ -7,6 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.table_files import PIECE, read_table, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
@@ -26,37 +27,37 @@ class Mixed(Columns):
 @pytest.mark.parametrize("count", [0, 1, 70_000, PIECE, 2 * PIECE + 1, 20 * PIECE - 7])
 def test_bytes_come_back_and_take_no_more_room_than_they_are(tmp_path, count):
     values = np.random.default_rng(1).integers(0, 256, count, dtype=np.uint8)
-    write_table(tmp_path / "a.parquet", Bytes(values))
-    found = read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values
+    write_table(Folder(tmp_path), "a.parquet", Bytes(values))
+    found = read_table(Folder(tmp_path), "a.parquet", Table("a.parquet", Bytes)).values
     assert found.dtype == np.uint8 and np.array_equal(found, values)
     assert (tmp_path / "a.parquet").stat().st_size < count + 1000 + count // 1000
 
 
 def test_a_long_file_is_packed_a_part_at_a_time(tmp_path):
     """Packed at once it would take three times its size in memory."""
-    write_table(tmp_path / "a.parquet", Bytes(np.zeros(40 * PIECE, np.uint8)))
+    write_table(Folder(tmp_path), "a.parquet", Bytes(np.zeros(40 * PIECE, np.uint8)))
     groups = pq.ParquetFile(tmp_path / "a.parquet").metadata
     assert groups.num_row_groups == 3 and groups.row_group(0).num_rows == 16
 
 
 def test_bytes_next_to_other_columns_remain_a_column_of_numbers(tmp_path):
-    write_table(tmp_path / "a.parquet", Mixed(np.array([1, 2], np.uint8), np.array([0.5, 1.5])))
+    write_table(Folder(tmp_path), "a.parquet", Mixed(np.array([1, 2], np.uint8), np.array([0.5, 1.5])))
     assert pq.read_table(tmp_path / "a.parquet")["code"].to_pylist() == [1, 2]
-    found = read_table(tmp_path / "a.parquet", Table("a.parquet", Mixed))
+    found = read_table(Folder(tmp_path), "a.parquet", Table("a.parquet", Mixed))
     assert found.code.tolist() == [1, 2] and found.length.tolist() == [0.5, 1.5]
 
 
 def test_bytes_of_an_earlier_version_are_still_read(tmp_path):
     pq.write_table(pa.table({"values": pa.array(np.arange(9, dtype=np.uint8))}), tmp_path / "a.parquet")
-    assert read_table(tmp_path / "a.parquet", Table("a.parquet", Bytes)).values.tolist() == list(range(9))
+    assert read_table(Folder(tmp_path), "a.parquet", Table("a.parquet", Bytes)).values.tolist() == list(range(9))
 
 
 def test_a_flipped_byte_in_a_long_table_is_not_read_as_another_number(tmp_path):
     """Pages of bytes are stored as they are: without their checksums most flips would give other values."""
     path = tmp_path / "a.parquet"
-    write_table(path, Bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)))
+    write_table(Folder(tmp_path), path.name, Bytes(np.random.default_rng(1).integers(0, 256, 20_000, dtype=np.uint8)))
     content = path.read_bytes()
     for at in range(100, 20_000, 997):
         path.write_bytes(content[:at] + bytes([content[at] ^ 4]) + content[at + 1 :])
         with pytest.raises(StoreError, match=r"a\.parquet is damaged or from another version"):
-            read_table(path, Table("a.parquet", Bytes))
+            read_table(Folder(tmp_path), path.name, Table("a.parquet", Bytes))
