@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Event, Thread
 
-import psutil
-
 from orthomill.pipeline.records.started_machine import boot
 from orthomill.pipeline.storage.depots.bucket import Bucket
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -77,7 +75,15 @@ def _has_ended(content: bytes) -> bool:
     holder = _holder(content)
     if holder.get("host") != socket.gethostname():
         return False
-    return holder.get("boot") != boot() or not psutil.pid_exists(int(holder.get("process", 0)))
+    if holder.get("boot") != boot():
+        return True
+    try:
+        os.kill(int(holder.get("process", 0)), 0)  # no signal, but the question whether it could be sent
+    except ProcessLookupError:
+        return True
+    except PermissionError:
+        return False
+    return False
 
 
 def _renew_until(bucket: Bucket, token: str, ended: Event) -> None:

@@ -20,11 +20,6 @@ SEAL = "seal"
 _GROUP: dict[str, Any] = {"attributes": {}, "zarr_format": 3, "node_type": "group"}
 
 
-def seal_array(depot: Depot, folder: str) -> None:
-    """Put a checksum of an array's metadata into its attributes, and write it whole. Raises OSError."""
-    depot.put(f"{folder}/{METADATA}", sealed(depot.get(f"{folder}/{METADATA}")))
-
-
 def sealed(content: bytes) -> bytes:
     """An array's metadata with a checksum in its attributes."""
     metadata = json.loads(content)

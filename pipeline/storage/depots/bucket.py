@@ -79,7 +79,7 @@ class Bucket:
 
     def replace(self, name: str, content: bytes, version: str | int) -> bool:
         """Write an object anew, if it is still the given version; whether its content is this one now."""
-        return self._only_if(name, content, {"e_tag": str(version), "version": None})
+        return self._only_if(name, content, {"e_tag": str(version)})
 
     def _only_if(self, name: str, content: bytes, mode: Any) -> bool:
         import obstore
@@ -215,16 +215,14 @@ class Bucket:
     @contextmanager
     def _explained(self, passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:
         """Errors of the store as sentences without a key in them; an object that is not there stays a FileNotFoundError."""
-        from obstore.exceptions import BaseError, NotFoundError
+        from obstore.exceptions import BaseError
 
         try:
             yield
         except passing:
             raise
-        except NotFoundError as error:
-            raise FileNotFoundError(2, "no such object", self.address) from error
         except FileNotFoundError:
-            raise
+            raise FileNotFoundError(2, "no such object", self.address) from None
         except BaseError as error:
             raise StoreError(
                 f"The object store {self.address} cannot be read or written ({hidden(str(error))}); check its address, "

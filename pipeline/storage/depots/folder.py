@@ -100,9 +100,8 @@ class Folder:
         return sorted(entry.name for entry in os.scandir(path) if entry.is_dir()) if path.is_dir() else []
 
     def names(self, folder: str) -> Iterator[str]:
-        for path in sorted((self.path / folder).rglob("*")):
-            if path.is_file():
-                yield path.relative_to(self.path).as_posix()
+        found = (path for path in (self.path / folder).rglob("*") if path.is_file())
+        yield from sorted(path.relative_to(self.path).as_posix() for path in found)
 
     def delete(self, name: str) -> None:
         (self.path / name).unlink(missing_ok=True)

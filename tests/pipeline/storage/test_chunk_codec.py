@@ -8,7 +8,7 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthomill.pipeline.storage.array_metadata import seal_array
+from orthomill.pipeline.storage.array_metadata import sealed
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError
@@ -95,6 +95,7 @@ def test_an_array_with_other_codecs_is_refused_in_a_sentence(tmp_path):
     (store := Store(tmp_path)).create(spec)
     attributes = dict(zarr.open_array(store.rasters, path="a/b").attrs)
     zarr.create_array(store.rasters, name="a/b", shape=(40, 40), dtype="float32", attributes=attributes, overwrite=True)
-    seal_array(store.depot, store.place("a/b"))
+    name = f"{store.place('a/b')}/zarr.json"
+    store.depot.put(name, sealed(store.depot.get(name)))
     with pytest.raises(StoreError, match="The raster a/b cannot be read: its chunks are stored as bytes, zstd; remove it"):
         Store(Path(tmp_path)).read("a/b", spec.full)
