@@ -12,6 +12,8 @@ SMALLEST = 0.005
 """Cameras of one model differ by a larger share of their constant; less is an error of heights."""
 CLEAR = 25.0
 """By so many squares of standard errors, for rays as independent as areas of a frame, the residuals have to be smaller."""
+ALIKE = 0.1
+"""Share by which the scale of photographs and the constant that positions say may differ: relief and flying heights do as much"""
 AREAS = 9
 """Areas of a frame whose rays count as independent: neighbours share their errors."""
 
@@ -22,6 +24,19 @@ class OwnConstant:
 
     photos: tuple[str, ...]
     factor: float
+
+
+def refined(shown: tuple[OwnConstant, ...], by_positions: tuple[OwnConstant, ...]) -> tuple[OwnConstant, ...]:
+    """What may be tried, each group of photographs once: those `shown` to be larger, with the constant that positions say of the
+    same ones, or of most of them, where both agree (relief and flying heights are in the scale of a photograph, but not in the
+    block); and then the others."""
+    best, left = [], list(by_positions)
+    for own in shown:
+        same = [other for other in left if set(other.photos) <= set(own.photos) and 2 * len(other.photos) > len(own.photos)]
+        left = [other for other in left if other not in same]
+        told = next((other.factor for other in same if abs(other.factor / own.factor - 1.0) < ALIKE), own.factor)
+        best.append(OwnConstant(own.photos, told))
+    return (*best, *left)
 
 
 def with_own_constant(cameras: Cameras, own: OwnConstant) -> Cameras:

@@ -25,7 +25,6 @@ from orthomill.tasks.adjustment.model.interior import interior_prior, is_guessed
 from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays, common_shift
 from orthomill.tasks.adjustment.solve.minimise import NotConverged
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import (
     BlockResults,
     Part,
@@ -37,17 +36,18 @@ from orthomill.tasks.orientation.block.assembly import (
     with_gnss_groups,
     with_receivers,
 )
-from orthomill.tasks.orientation.block.camera_constant import Tested
 from orthomill.tasks.orientation.block.correlated_image_errors import including_correlation
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
 from orthomill.tasks.orientation.block.image_scales import shown_constants
-from orthomill.tasks.orientation.block.own_constants import OwnConstant, own_constant_findings, with_own_constant
+from orthomill.tasks.orientation.block.own_constants import OwnConstant, own_constant_findings, refined, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
 from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
+from orthomill.tasks.orientation.exterior.datum_afterwards import as_adjusted, explained_datum
 from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
+from orthomill.tasks.orientation.exterior.started_again import where_it_is
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 from orthomill.tasks.orientation.measurements import tie_rays
@@ -63,14 +63,7 @@ from orthomill.tasks.orientation.sources.elevation_model import Elevation, Eleva
 from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, own_constants, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import (
-    Datum,
-    choose_datum,
-    datum_sentence,
-    free_of_its_place,
-    given_up,
-    looks_elsewhere,
-)
+from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, free_of_its_place, given_up, looks_elsewhere
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 ENOUGH_CONTROL = 3
@@ -250,18 +243,30 @@ def _with_own_constants(
 ) -> _Oriented:
     """The block; started again with cameras of their own for photographs whose camera constant may be another one, where these
     explain the photographs better; or as well as before, where the photographs are `shown` to be larger."""
-    for own in (*shown, *first.results.zooms):
-        have = with_cameras(with_own_constant(cameras, own))
-        try:
-            second = _oriented(have, start_blocks(have.material), None)
-        except GeometryError:
+    candidates = refined(shown, first.results.zooms)
+    for own in candidates:
+        second = _again(first, own, with_cameras(with_own_constant(cameras, own)))
+        if second is None:
             continue
         better = explains_clearly_more(second.results, first.results)
-        if better or (own in shown and not explains_clearly_more(first.results, second.results)):
+        seen = own.photos in {one.photos for one in shown}
+        if better or (seen and not explains_clearly_more(first.results, second.results)):
             problem, values = second.results.problem, second.results.result.state.interior[:, 0]
             told = own_constant_findings(own, cameras, dict(zip(problem.camera_names, map(float, values), strict=True)))
             return replace(second, results=replace(second.results, findings=(*told, *second.results.findings)))
     return first
+
+
+def _again(first: _Oriented, own: OwnConstant, have: _Input) -> _Oriented | None:
+    """The block with other cameras, started from where it is, or else from nothing; None where neither comes to an end."""
+    results = first.results
+    origin = None if results.datum.free else results.datum.origin
+    for given in (where_it_is(results, own, have.material), None):
+        try:
+            return _oriented(have, start_blocks(have.material, given), None if given is None else origin)
+        except GeometryError:
+            continue
+    return None
 
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
@@ -430,8 +435,8 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     findings = (*folding_cameras(have.cameras), *unknown, *attempt.findings, *of_cameras, *lenses)
     statements = source_statements(sources, problem)
     findings = (*findings, *contradicted_sources(sources, statements, have.control, problem))
-    datum = _explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
-    datum = _as_adjusted(datum, problem, tested.result)
+    datum = explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
+    datum = as_adjusted(datum, problem, tested.result)
     zooms = own_constants(sources, problem.names)
     return BlockResults(
         cameras=have.cameras,
@@ -445,30 +450,12 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     )
 
 
-def _as_adjusted(datum: Datum, problem: Problem, result: Adjustment) -> Datum:
-    """The datum with the sentence of what took part in the end: tests leave observations out, and take others in again."""
-    if datum.free:
-        return datum
-    seen = np.isin(problem.ties + np.arange(len(problem.surveyed)), result.rays.point[result.used])
-    control = int((seen & result.network.point_weight[problem.ties :].any(axis=1)).sum())
-    positions = int(result.network.centre_weight.any(axis=1).sum())
-    return replace(datum, sentence=datum_sentence(positions, control, datum.basis))
-
-
 def _told_of_guess(have: _Input, finding: BlockFinding) -> BlockFinding:
     """A contradicted camera constant with whether it was guessed."""
     if not isinstance(finding, ConstantContradicted):
         return finding
     camera = have.material.cameras[have.material.camera_names.index(finding.camera)]
     return finding.model_copy(update={"guessed": is_guessed(camera)})
-
-
-def _explained_datum(datum: Datum, tested: Tested, caused: bool) -> Datum:
-    """The datum without its misfit before the adjustment, where a camera constant that was replaced explains it, or a cause
-    that the sources show."""
-    if not caused and not any(isinstance(finding, ConstantContradicted) and not finding.fixed for finding in tested.findings):
-        return datum
-    return replace(datum, findings=tuple(finding for finding in datum.findings if not isinstance(finding, DatumMisfit)))
 
 
 def _without(have: _Input, parts: list[Part], photo: int) -> list[Part]:
