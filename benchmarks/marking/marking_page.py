@@ -129,12 +129,14 @@ def by_keyboard(browser: Any, folder: Path) -> tuple[float, list[float]]:
     """Seconds of a point in ten photographs by Enter, and ms from each key until all residuals are shown."""
     with served_apart(folder) as address:
         page = opened(browser, address)
-        begun, each = time.monotonic(), []
+        begun, each, expected = time.monotonic(), [], page.evaluate("sights.length")
         for count in range(1, ASKED + 1):
             pressed = time.monotonic()
             page.keyboard.press("Enter")
             page.wait_for_function(f"Object.keys(named(point).marks).length === {count} && !sending", timeout=PATIENCE)
             each.append(1000 * (time.monotonic() - pressed))
+            # Only then the page shows the next photograph, at which whoever marks looks.
+            page.wait_for_function(f"sights.length === {expected} - {count}", timeout=PATIENCE)
         whole = time.monotonic() - begun
         page.close()
     return whole, each
