@@ -524,6 +524,15 @@ _ALL = (
         "[TILES [TILES A SECOND]]",
         ("benchmarks/results/watch.md",),
     ),
+    Study(
+        "large_map",
+        "watching.large_map",
+        "the viewer of an orthoimage of a gigapixel in a browser",
+        "seconds",
+        ("pipeline/export/viewer",),
+        "Playwright and a Chromium",
+        "[SIDE]",
+    ),
     Study("map_cost", "watching.map_cost", "what the map of tiles costs a finished run", "seconds", WATCHING, RUN, "PROJECT", ()),
     Study(
         "recorded_run",

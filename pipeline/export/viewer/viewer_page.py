@@ -61,7 +61,7 @@ def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: tuple[M
     data["lines"] = _write_lines(folder, lines)
     cloud = None if page.cloud is None else write_cloud(folder, store, page.cloud)
     data["cloud"] = cloud and f"{FOLDER}/{cloud}"
-    return _page(data)
+    return page_text(data)
 
 
 def _place(spec: RasterSpec) -> dict[str, float | int]:
@@ -88,7 +88,8 @@ def _write_lines(folder: Path, lines: tuple[MapLines, ...]) -> str | None:
     return f"{FOLDER}/lines.js"
 
 
-def _page(data: dict[str, Any]) -> str:
+def page_text(data: dict[str, Any]) -> str:
+    """The page with what it shows, as one file."""
     # A closing tag inside the data would end the script that holds it.
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     page = (_TEMPLATES / "page.html").read_text("utf-8")
