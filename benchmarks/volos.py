@@ -14,9 +14,9 @@ from pathlib import Path
 from benchmarks import planted_errors
 from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import MeasuredRun, orthomill, project_root, run_folders, run_project, summary
+from orthomill.schemas.memory import MIB
 
 PROJECTS = ("volos", "volos_second")
-MIB = 2**20
 
 Figures = dict[str, dict]
 """name -> value, unit and sentence, as in summary.json"""

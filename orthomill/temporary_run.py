@@ -22,13 +22,14 @@ from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, PhotoError
 from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.project import MaskFiles, Photographs, PhotoList, Project
 from orthomill.schemas.raster import RasterSpec, tiles_of
 from orthomill.schemas.stage_contract import ProjectView, Stage
 
 Progress = Callable[[str, int, int], None]
 """Called with a stage, its finished and its planned jobs."""
-MEMORY = 3000 * 2**20
+MEMORY = 3000 * MIB
 
 
 class GivenResults(Stage):

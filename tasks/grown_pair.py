@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError, OrthomillError, PhotoError
-from orthomill.schemas.inspection import GrownPair, GrownUnknown
+from orthomill.schemas.inspections.inspection import GrownPair, GrownUnknown
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import NoPositions
 from orthomill.schemas.raster import Window

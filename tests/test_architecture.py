@@ -1,6 +1,7 @@
 """Holds the floors of the house: read off the imports, not off good intentions."""
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
@@ -137,11 +138,30 @@ def test_every_kernel_says_what_it_takes():
     nobody(f"{relative(path)}: {kernel.name}" for path, kernel in kernels if not ast.get_docstring(kernel))
 
 
-def test_what_a_job_reads_and_writes_is_named_where_it_is_made():
+def jobs_made() -> Iterator[tuple[Path, ast.Call]]:
     texts = {path: path.read_text() for path in modules("tasks", "orthomill")}
     calls = ((path, node) for path, text in texts.items() if " Job(" in text for node in ast.walk(ast.parse(text)))
-    jobs = ((path, node) for path, node in calls if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Job")
-    nobody(relative(path) for path, job in jobs if job.args)
+    yield from ((path, node) for path, node in calls if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Job")
+
+
+def test_what_a_job_reads_and_writes_is_named_where_it_is_made():
+    nobody(relative(path) for path, job in jobs_made() if job.args)
+
+
+def products(formula: ast.AST) -> Iterator[ast.BinOp]:
+    """What a formula multiplies by hand: neither inside of a call nor a number of mebibytes."""
+    if isinstance(formula, ast.BinOp):
+        if isinstance(formula.op, ast.Mult) and getattr(formula.right, "id", "") != "MIB":
+            yield formula
+        yield from (*products(formula.left), *products(formula.right))
+
+
+def test_what_a_job_needs_of_memory_is_said_in_one_vocabulary():
+    """`schemas/memory.py`: so many bytes for each cell of a window, a grid, a shape or a table."""
+    formulas = ((path, word.value) for path, job in jobs_made() for word in job.keywords if word.arg == "scratch")
+    nobody(f"{relative(path)}: {ast.unparse(one)}" for path, formula in formulas for one in products(formula))
+    texts = {path: path.read_text() for path in modules("schemas", "tasks", "pipeline") if path.stem != "memory"}
+    nobody(relative(path) for path, text in texts.items() if re.search(r"^[MG]IB.* = ", text, re.MULTILINE))
 
 
 def test_only_the_storage_room_imports_zarr():

@@ -22,8 +22,8 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from orthomill.kernels.kernel_cache import kernel_folder
+from orthomill.schemas.memory import GIB
 
-GIB = 2**30
 LIBRARIES = (
     ("numpy", 1),
     ("scipy", 1),

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 
 from rich.table import Table as Lines
 
-from orthomill.pipeline.engine.running import MIB
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.forecast.forecast import Amount, Forecast, StageForecast
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.stage_contract import Stage
 
 UNKNOWN = "?"

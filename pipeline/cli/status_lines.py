@@ -9,6 +9,7 @@ from rich.markup import escape
 from orthomill.pipeline.engine.run_facts import DASHBOARD, TIME_FORMAT, read_facts
 from orthomill.pipeline.records.lock import is_running
 from orthomill.pipeline.records.records import Record, key_text
+from orthomill.schemas.memory import MIB
 
 
 def begun_at(folder: Path) -> float | None:
@@ -25,7 +26,7 @@ def status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str
         yield str(sum(record.started >= begun for record in records))
     yield str(len(failed))
     yield f"{sum(record.seconds for record in records):.1f}"
-    yield f"{max((record.peak_bytes for record in records), default=0) / 2**20:.0f} MiB"
+    yield f"{max((record.peak_bytes for record in records), default=0) / MIB:.0f} MiB"
     yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
 
 

@@ -4,6 +4,7 @@ tells of the stages of a run."""
 from collections.abc import Iterator
 
 from orthomill.pipeline.records.verification import Verification
+from orthomill.schemas.memory import MIB
 
 SHOWN = 10
 
@@ -16,7 +17,7 @@ def verification_lines(found: Verification, project: str) -> Iterator[str]:
         yield f"... and {len(found.damaged) - SHOWN} more"
     if found.mended:
         yield f"written again: {', '.join(found.mended[:SHOWN])}"
-    size = f"{found.files} files with {found.size / 2**20:.0f} MiB"
+    size = f"{found.files} files with {found.size / MIB:.0f} MiB"
     if found.damaged:
         yield f"{len(found.damaged)} of {size} are lost or damaged; compute them again with: orthomill run {project}"
     else:

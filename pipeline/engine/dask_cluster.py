@@ -27,6 +27,7 @@ from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import SchedulerLost
 from orthomill.pipeline.engine.worker_terms import INSTALL, Terms, objection
 from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.memory import MIB
 
 ANSWER = "20s"
 """How long the scheduler of an existing cluster may take to answer."""
@@ -64,8 +65,8 @@ SETTINGS = {
     "distributed.scheduler.worker-ttl": "60 minutes",
     # Workers answer no questions over HTTP: nothing here asks them, and the ports would be open to everybody on the machine.
     "distributed.worker.http.routes": [],
-    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * 2**20,
-    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 256 * 2**20,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 32 * MIB,
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 256 * MIB,
 }
 """A worker keeps freed memory for the arrays of its next job: glibc's own thresholds, and Dask's, return the pages of every tile to
 the kernel, which then clears them for the next tile. That took a fifth of the CPU time of a run.

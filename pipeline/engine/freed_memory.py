@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pyarrow as pa
 
-MUCH = 900 * 2**20
+from orthomill.schemas.memory import MIB
+
+MUCH = 900 * MIB
 """bytes: one and a half times what a process needs for itself; below, memory is kept for the next job"""
 _OWN = Path("/proc/self/statm")
 

@@ -30,12 +30,13 @@ from orthomill.schemas.job import (
     Table,
     regions_of,
 )
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.raster import RasterSpec, Window
 
-PROCESS_BYTES = 600 * 2**20
+PROCESS_BYTES = 600 * MIB
 """Memory of a worker process apart from its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
 MiB), and what the allocator keeps from earlier jobs for the next one."""
-EXPORT_BYTES = 200 * 2**20
+EXPORT_BYTES = 200 * MIB
 """Memory of an export apart from the process: GDAL's block cache, a chunk of every raster, and the compressor."""
 
 
@@ -276,7 +277,7 @@ def check_memory(planned: PlannedJob, room: int) -> None:
     if planned.memory > room:
         way_out = f"with --memory or {planned.job.way_out}" if isinstance(planned.job, Job) else "with --memory"
         raise ResourceError(
-            f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / 2**20:.0f} MiB, of which every worker takes "
-            f"{PROCESS_BYTES / 2**20:.0f} MiB for itself, but a job that runs alone may use {room / 2**20:.0f} MiB; give "
+            f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / MIB:.0f} MiB, of which every worker takes "
+            f"{PROCESS_BYTES / MIB:.0f} MiB for itself, but a job that runs alone may use {room / MIB:.0f} MiB; give "
             f"workers more memory {way_out}."
         )

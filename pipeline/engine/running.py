@@ -36,9 +36,9 @@ from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.workflow.mistakes import did_you_mean
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, image_files, write_workflow
 from orthomill.schemas.errors import ResourceError, WorkflowError, first_of, some_of
+from orthomill.schemas.memory import GIB, MIB
 from orthomill.schemas.stage_contract import Stage
 
-MIB = 2**20
 WORKERS_PER_CORE = 8
 """More worker processes than this per core are a typing error, and starting them would stall the machine."""
 LIBRARIES_BYTES = 3000 * MIB
@@ -341,7 +341,7 @@ def _machine() -> tuple[tuple[str, str], ...]:
     return (
         ("processor", platform.processor() or platform.machine()),
         ("cores", str(os.cpu_count())),
-        ("memory", f"{psutil.virtual_memory().total / 2**30:.1f} GiB"),
+        ("memory", f"{psutil.virtual_memory().total / GIB:.1f} GiB"),
         ("operating system", platform.platform()),
         ("Python", platform.python_version()),
         *((name, version(name)) for name in libraries),

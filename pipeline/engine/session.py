@@ -27,11 +27,12 @@ from orthomill.pipeline.storage.depots.sent_inputs import SentInputs
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Export, Raster, Table, regions_of
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.project import MaskFiles, PhotoFiles, Project
 from orthomill.schemas.stage_contract import NotYet, Outline, Stage
 from orthomill.schemas.stage_report import report_table
 
-DISK_RESERVE = 200 * 2**20
+DISK_RESERVE = 200 * MIB
 """bytes that must stay free: records, tables and products come on top of the rasters that are counted"""
 COMPRESSION = 2
 """Rasters are stored compressed; half of their plain size is a cautious estimate for heights and photographs alike."""
@@ -235,8 +236,8 @@ class Session:
         free = shutil.disk_usage(self.folder).free
         if self.pending and needed + DISK_RESERVE > free:
             raise ResourceError(
-                f"The disk of {self.folder} has {free / 2**20:.0f} MiB free, but about "
-                f"{(needed + DISK_RESERVE) / 2**20:.0f} MiB are needed; make room, then run again."
+                f"The disk of {self.folder} has {free / MIB:.0f} MiB free, but about "
+                f"{(needed + DISK_RESERVE) / MIB:.0f} MiB are needed; make room, then run again."
             )
 
     def _note(self, finished: Finished, watcher: Watcher) -> None:

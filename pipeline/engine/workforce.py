@@ -13,8 +13,8 @@ from typing import Any
 from orthomill.pipeline.engine.dask_cluster import LOST, objections
 from orthomill.pipeline.engine.worker_terms import Terms
 from orthomill.schemas.errors import ResourceError
+from orthomill.schemas.memory import MIB
 
-MIB = 2**20
 LOOKED = 10.0
 """seconds after which it is looked again what the workers do"""
 TOLD = 30.0

@@ -41,9 +41,10 @@ from orthomill.schemas.job import Columns, Export, FileBytes, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.maps.map_page import MapPage
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
-GDAL_CACHE = 64 * 2**20
+GDAL_CACHE = 64 * MIB
 """GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
 
 _PASSING = {"compress": "zstd", "zstd_level": 1}

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, read_facts
+from orthomill.schemas.memory import MIB
 
 _MEGA = 1e6
 TILE = 512
@@ -49,7 +50,7 @@ def rate_of(stage: StageRun, facts: RunFacts) -> Rate:
         jobs=stage.jobs * scale / megapixels,
         megabytes=stage.written / _MEGA / megapixels,
         seconds=stage.cpu_seconds / megapixels,
-        peak_mib=PROCESS_MIB + max((stage.peak_bytes or 0) / 2**20 - PROCESS_MIB, 0.0) / scale,
+        peak_mib=PROCESS_MIB + max((stage.peak_bytes or 0) / MIB - PROCESS_MIB, 0.0) / scale,
     )
 
 

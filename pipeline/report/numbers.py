@@ -6,6 +6,8 @@ The cells of a column share one number of decimals, so that their decimal points
 import math
 from collections.abc import Iterable
 
+from orthomill.schemas.memory import GIB, MIB
+
 NARROW_SPACE = "\u202f"
 MINUS = "\u2212"
 ABSENT = "–"
@@ -97,7 +99,7 @@ def memory_text(count: int | None) -> str:
     """Bytes in MiB or GiB."""
     if count is None:
         return ABSENT
-    return f"{count / 2**30:.2f}{NARROW_SPACE}GiB" if count >= 2**30 else f"{count / 2**20:.0f}{NARROW_SPACE}MiB"
+    return f"{count / GIB:.2f}{NARROW_SPACE}GiB" if count >= GIB else f"{count / MIB:.0f}{NARROW_SPACE}MiB"
 
 
 def bytes_text(count: int) -> str:

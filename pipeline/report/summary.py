@@ -15,6 +15,7 @@ from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
 from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.stage_report import Figure
 
 Summary = dict[str, dict[str, Any]]
@@ -94,7 +95,7 @@ def _fact(name: str, value: float | int | str | bool | None, sentence: str, unit
 
 
 def _mebibytes(count: int | None) -> float | None:
-    return None if count is None else round(count / 2**20, 1)
+    return None if count is None else round(count / MIB, 1)
 
 
 def write_summary(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts, path: Path) -> None:

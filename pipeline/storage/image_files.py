@@ -27,6 +27,7 @@ from orthomill.pipeline.storage.photographs.other_formats import Other, other_fo
 from orthomill.pipeline.storage.photographs.transparency import is_masked, opacity
 from orthomill.pipeline.storage.tags.image_tags import carried_tags, image_tags
 from orthomill.schemas.errors import ContentError, PhotoError
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.photo import Decoding, Header
 from orthomill.schemas.raster import Window
 
@@ -48,7 +49,7 @@ _GDAL = {
     "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
     "GDAL_PAM_ENABLED": "NO",
     # Its cache of decoded rows would otherwise take a twentieth of the machine in every process.
-    "GDAL_CACHEMAX": 64 * 2**20,
+    "GDAL_CACHEMAX": 64 * MIB,
     # What a progressive JPEG takes is part of the memory that its job asks for.
     "GDAL_ALLOW_LARGE_LIBJPEG_MEM_ALLOC": "YES",
 }

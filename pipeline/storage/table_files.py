@@ -16,8 +16,9 @@ from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.memory import MIB
 
-PIECE = 2**20
+PIECE = MIB
 """bytes of one binary value: to write a value takes eight times its size"""
 _PIECES = 16
 """binary values that are packed together"""

@@ -23,11 +23,11 @@ from orthomill.pipeline.watching.tile_board import TileBoard, TileState
 from orthomill.pipeline.watching.tile_places import TilePlaces
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Export, Raster, regions_of
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.stage_contract import Outline
 
 MAP = "tiles.html"
 """The page that is kept, in the folder of the run"""
-MIB = 2**20
 STATES = {"done": TileState.DONE, "failed": TileState.FAILED, "blocked": TileState.BLOCKED}
 SAME = 0.5
 """seconds for which the total is not reckoned again"""

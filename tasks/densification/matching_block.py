@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
@@ -88,8 +89,8 @@ class PairBlock:
     def scratch(self, matching: DenseMatching) -> int:
         """Working memory of `match_pair_block`, bytes."""
         # Per cell of a strip, and of a row beside it, three float64 places with their copies in pixels of the left image.
-        cells = min(self.cells.height * self.cells.width, STRIP + 3 * self.cells.width)
-        return scratch_bytes(self.parallaxes, matching) + 64 * cells
+        cells = min(self.cells.cells, STRIP + 3 * self.cells.width)
+        return scratch_bytes(self.parallaxes, matching) + array_bytes(64, cells)
 
 
 class MatchedBlock(NamedTuple):

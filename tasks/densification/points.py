@@ -12,6 +12,7 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED, Provenance, SurfacePoints
 from orthomill.tasks.densification.ground_intersection import NodesOnGround
@@ -127,4 +128,4 @@ def points_bytes(window: Window, photos: int, thinning: PointThinning) -> int:
     """Memory of a collector and of its table, bytes."""
     # Standard error, place and pair of every kept node, twice while the table is made; bits of photographs, codes and counts.
     per_cell = 2 * thinning.most_per_cell * (4 + 24 + 2 + 2) + 8 * -(-max(photos, 1) // _WORD) + 4
-    return window.cells * per_cell
+    return array_bytes(per_cell, window)

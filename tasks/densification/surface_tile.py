@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
 from orthomill.tasks.densification.completion import VolumeWindow, completed
@@ -126,8 +127,8 @@ def surface_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
     """Working memory of `make_surface`, bytes."""
     # The pairs come one by one. Per node x, y, z, column and row in float64, sigma and parallax in float32 with their copies; per
     # cell the slots (float64 and float32), one pair's heights, and some twenty float64 arrays of filters and standard errors.
-    largest = max((60 * piece.nodes.cells for piece in pieces), default=0)
-    return largest + (12 * SLOTS + 200) * work.cells
+    largest = max((array_bytes(60, piece.nodes) for piece in pieces), default=0)
+    return largest + array_bytes(12 * SLOTS + 200, work)
 
 
 def make_surface(

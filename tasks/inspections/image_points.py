@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthomill.schemas.inspection import SurfacePoint
+from orthomill.schemas.inspections.inspection import SurfacePoint
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.geometry.view import block_view

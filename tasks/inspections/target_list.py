@@ -1,6 +1,6 @@
 """The signalised targets of one photograph, without a project."""
 
-from orthomill.schemas.inspection import PhotoFile
+from orthomill.schemas.inspections.inspection import PhotoFile
 from orthomill.schemas.marks import FoundTarget
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.upright import exif_orientation, upright

@@ -16,9 +16,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from orthomill.schemas.errors import PhotoError, WorkflowError
-from orthomill.schemas.inspection import PhotoFile, PhotoMap
+from orthomill.schemas.inspections.inspection import PhotoFile, PhotoMap
+from orthomill.schemas.inspections.window_method import Method
 from orthomill.schemas.raster import Window
-from orthomill.schemas.window_method import Method
 from orthomill.tasks.imagery.radiometry import grey_bytes, grey_range
 from orthomill.tasks.imagery.upright import exif_orientation, file_window, upright, upright_shape
 from orthomill.tasks.matching.windows.calibration import LIMITS, LimitCalibration, calibrated, last_limits

@@ -15,6 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.memory import array_bytes
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.tie_points.match_records import (
     Features,
@@ -38,7 +39,7 @@ def track_scratch(counts: MatchCounts) -> int:
     """Working memory of `build_tracks`, bytes."""
     # A place with its photograph, pixels, labels and the keys by which they are sorted; a match in two tables, as an edge of the
     # graph, and as SciPy turns that graph over.
-    return 200 * counts.features + 40 * counts.matches
+    return array_bytes(200, counts.features) + array_bytes(40, counts.matches)
 
 
 def tracks_of_kept(

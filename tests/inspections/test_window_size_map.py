@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
 from orthomill.schemas.errors import PhotoError, WorkflowError
-from orthomill.schemas.inspection import PhotoMap
+from orthomill.schemas.inspections.inspection import PhotoMap
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import Window
 from orthomill.tasks.imagery.upright import upright

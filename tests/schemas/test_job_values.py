@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError, OrthomillError, PhotoError, ResourceError, StoreError, WorkflowError, some_of
-from orthomill.schemas.inspection import PhotoMap
+from orthomill.schemas.inspections.inspection import PhotoMap
 from orthomill.schemas.job import Columns, Export, Job, Raster, Table
 from orthomill.schemas.observations import GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, GroundPoints, TiePoints
 from orthomill.schemas.raster import Window

@@ -63,7 +63,8 @@ def run(
         loaded = load_project(name)
         # After the workflow: a mistake in it is answered before the engine is loaded.
         from orthomill.pipeline.cli.progress.project_run import run_project
-        from orthomill.pipeline.engine.running import MIB, Options
+        from orthomill.pipeline.engine.running import Options
+        from orthomill.schemas.memory import MIB
 
         asked = Options(
             from_stage=from_stage,
@@ -87,7 +88,8 @@ def demo(workers: Workers = 0, memory: Memory = 1500, sequential: Sequential = F
     from orthomill.pipeline.cli.demo import write_demo
     from orthomill.pipeline.cli.progress.project_run import run_project
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.pipeline.engine.running import Options
+    from orthomill.schemas.memory import MIB
 
     with plain_errors(debug):
         path = write_demo(Path.cwd())
@@ -111,7 +113,8 @@ def calibrate(
     """Calibrate a camera from photographs of one or several chessboards."""
     from orthomill.pipeline.cli.calibrate import BoardOptions, calibration_workflow, print_calibration
     from orthomill.pipeline.cli.progress.project_run import run_project
-    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.pipeline.engine.running import Options
+    from orthomill.schemas.memory import MIB
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
@@ -143,7 +146,8 @@ def check(
     """Check a surface of any origin against photographs: where is it wrong, by how much, and what would have been found."""
     from orthomill.pipeline.cli import check_surface as checking
     from orthomill.pipeline.cli.progress.project_run import run_project
-    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.pipeline.engine.running import Options
+    from orthomill.schemas.memory import MIB
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
@@ -168,7 +172,8 @@ def change(
     """Where has the ground changed between two epochs, and is it significant? The earlier surface against the later photographs."""
     from orthomill.pipeline.cli import check_surface as checking
     from orthomill.pipeline.cli.progress.project_run import run_project
-    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.pipeline.engine.running import Options
+    from orthomill.schemas.memory import MIB
     from orthomill.tasks.catalogue import STAGES
 
     with plain_errors(debug):
@@ -178,7 +183,8 @@ def change(
 
 def _on_cluster(asked: "Options", file: Path) -> "Options":
     """The options of a run on the cluster of a file. Raises WorkflowError for mistakes in it, ResourceError for two places."""
-    from orthomill.pipeline.engine.clusters.cluster_file import GIB, SchedulerAddress, read_cluster
+    from orthomill.pipeline.engine.clusters.cluster_file import SchedulerAddress, read_cluster
+    from orthomill.schemas.memory import GIB
 
     if asked.scheduler or asked.sequential:
         raise ResourceError("--cluster, --scheduler and --sequential each say where jobs are done; give one of them.")

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table as Lines
 
 from orthomill.pipeline.cli.terminal import Debug, err, out, plain_errors
-from orthomill.schemas.window_method import Method
+from orthomill.schemas.inspections.window_method import Method
 
 starting = typer.Typer()
 inspect = typer.Typer(help="Look at a single photograph, without a project.", no_args_is_help=True)

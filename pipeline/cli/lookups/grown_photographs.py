@@ -11,7 +11,7 @@ import numpy as np
 from orthomill.pipeline.cli.lookups.inspect_photo import GuardedPhoto
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.inspection import GrownPair
+from orthomill.schemas.inspections.inspection import GrownPair
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import Window
 from orthomill.schemas.survey_files.sniffed_table import lines_of, separation

@@ -17,7 +17,7 @@ from orthomill.pipeline.report.grey_png import write_grey_png
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.image_files import read_header, read_pixels
 from orthomill.schemas.errors import PhotoError, StoreError
-from orthomill.schemas.inspection import PhotoFile, PhotoMap
+from orthomill.schemas.inspections.inspection import PhotoFile, PhotoMap
 from orthomill.schemas.marks import FoundTarget
 from orthomill.schemas.photo import Header
 from orthomill.schemas.raster import Window

@@ -15,7 +15,7 @@ import numpy as np
 
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError, WorkflowError
-from orthomill.schemas.inspection import SurfacePoint
+from orthomill.schemas.inspections.inspection import SurfacePoint
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import HEIGHT, PRECISION, SURFACE

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError
-from orthomill.schemas.inspection import PairForms, PairUnknown
+from orthomill.schemas.inspections.inspection import PairForms, PairUnknown
 from orthomill.schemas.observations import TIE_POINTS, TiePoints
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos

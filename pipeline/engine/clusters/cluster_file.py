@@ -15,7 +15,6 @@ from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.settings import Settings, setting
 
-GIB = 2**30
 _AHEAD = 300
 """seconds before its walltime at which a worker hands back what it has not begun: what it is doing takes less"""
 

@@ -11,8 +11,9 @@ from starlette.requests import Request
 from orthomill.pipeline.serving.node.streamed_uploads import MOST_FIELDS, MultipartReader, Receiver
 from orthomill.pipeline.serving.queue.task_state import GivenOption
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.memory import MIB
 
-MOST_BODY = 2 * 2**20
+MOST_BODY = 2 * MIB
 """bytes of a request without files"""
 _OPTIONS = TypeAdapter(tuple[GivenOption, ...])
 MOST_OPTIONS = 500

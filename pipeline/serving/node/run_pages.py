@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
+from orthomill.schemas.memory import MIB
 
 LIVE = frozenset({"tiles", "tiles.json", "outlines.json", "tile.json", "tile.png"})
 """what the map of a run answers to"""
@@ -24,7 +25,7 @@ HEADERS = {"content-security-policy": POLICY, "access-control-allow-origin": "*"
 _PAGES = (("report.html", "Report"), ("products/index.html", "Map viewer"), ("tiles.html", "Map of tiles"))
 _ADDRESS = "jobs/tiles.txt"
 _QUERY = re.compile(r"[a-z]+=[0-9]+(&[a-z]+=[0-9]+)*")
-_MOST, _PATIENCE = 64 * 2**20, 10.0
+_MOST, _PATIENCE = 64 * MIB, 10.0
 """bytes of an answer of the map, and seconds that it may take"""
 
 

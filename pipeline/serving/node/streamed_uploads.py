@@ -14,13 +14,14 @@ from python_multipart.multipart import MultipartParser, MultipartState, parse_op
 from starlette.concurrency import run_in_threadpool
 
 from orthomill.schemas.errors import OrthomillError, WorkflowError
+from orthomill.schemas.memory import MIB
 
 if TYPE_CHECKING:
     from python_multipart.multipart import MultipartCallbacks
 
-MOST_FIELD, MOST_FIELDS, MOST_HEADER = 2**20, 64, 4096
+MOST_FIELD, MOST_FIELDS, MOST_HEADER = MIB, 64, 4096
 """bytes of a field, number of fields, bytes of the headers of a part"""
-_WRITTEN = 2**20
+_WRITTEN = MIB
 """bytes that are collected before they are written"""
 
 

@@ -14,6 +14,7 @@ from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits
 from orthomill.pipeline.serving.queue.upload_names import NamesTaken, belongs_beside, is_archive, is_image
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, WorkflowError
+from orthomill.schemas.memory import MIB
 
 _ODD = frozenset("%?#*\\ \t\r\n")
 
@@ -61,7 +62,7 @@ def _fetch(store: Any, path: str, target: Path, limits: ArchiveLimits, left: int
     answer = obstore.get(store, path)
     size = int(answer.meta["size"])
     if size > min(limits.file_bytes, left):
-        raise WorkflowError(f"{target.name} has {size / 2**20:.0f} MiB, more than this node takes for one file or for a task.")
+        raise WorkflowError(f"{target.name} has {size / MIB:.0f} MiB, more than this node takes for one file or for a task.")
     if target.exists() and target.stat().st_size == size:
         return size
     if shutil.disk_usage(target.parent).free - size < limits.reserve:

@@ -15,9 +15,9 @@ from pathlib import Path
 from orthomill.pipeline.serving.queue.upload_names import NamesTaken, belongs_beside, is_image
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, WorkflowError
+from orthomill.schemas.memory import GIB, MIB
 
-GIB = 2**30
-_BLOCK = 2**20
+_BLOCK = MIB
 _END, _END64, _LOCATOR = b"PK\x05\x06", b"PK\x06\x06", b"PK\x06\x07"
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What photographs are packed with; other methods may take any amount of memory."""

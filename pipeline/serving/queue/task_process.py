@@ -25,6 +25,7 @@ from orthomill.pipeline.serving.queue.told_run import ToldRun
 from orthomill.pipeline.serving.queue.upload_names import is_archive
 from orthomill.pipeline.serving.queue.wishes import Wishes, write_wished_workflow
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
+from orthomill.schemas.memory import GIB
 
 ENGINE = (sys.executable, "-c", "from orthomill.pipeline.cli.environment import main; main()")
 _PATIENCE = 30.0
@@ -41,9 +42,9 @@ class TaskOrder(BaseModel):
     processes: int = 0
     memory: int = 1500
     most_files: int = 100_000
-    most_file_bytes: int = 4 * 2**30
-    most_bytes: int = 500 * 2**30
-    reserve: int = 2 * 2**30
+    most_file_bytes: int = 4 * GIB
+    most_bytes: int = 500 * GIB
+    reserve: int = 2 * GIB
     paper: bool = False
 
 

@@ -24,8 +24,8 @@ from orthomill.pipeline.serving.queue.task_state import TaskState, TaskStatus, n
 from orthomill.pipeline.serving.queue.wishes import Wishes
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
+from orthomill.schemas.memory import GIB, MIB
 
-MIB, GIB = 2**20, 2**30
 MOST_LOSSES = 3
 """processes of a task that may be ended by others before it is given up"""
 PATIENCE = 20.0

@@ -11,11 +11,11 @@ from threading import Lock
 from typing import BinaryIO
 
 from orthomill.pipeline.serving.queue.task_folder import UUID, TaskFolder
-from orthomill.pipeline.serving.queue.task_queue import GIB, MIB
 from orthomill.pipeline.serving.queue.task_state import TaskState
 from orthomill.pipeline.serving.queue.upload_names import belongs_beside, checked_name, is_archive, is_image, unused_sentence
 from orthomill.pipeline.storage.whole_files import replacing
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.memory import GIB, MIB
 
 FEWEST = 2
 """photographs of a task"""

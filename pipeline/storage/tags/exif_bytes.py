@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from orthomill.schemas.memory import MIB
+
 _MAIN = {0x010E: "ImageDescription", 0x010F: "Make", 0x0110: "Model", 0x0112: "Orientation", 0x0132: "DateTime"}
 _EXIF = {
     0x829A: "ExposureTime",
@@ -179,7 +181,7 @@ def png_exif(path: Path) -> bytes:
         while len(head := file.read(8)) == 8:
             size = int.from_bytes(head[:4], "big")
             if head[4:] == b"eXIf":
-                return file.read(size) if size < 2**20 else b""
+                return file.read(size) if size < MIB else b""
             # Offset of the next chunk: the content and its check sum.
             file.seek(size + 4, 1)
     return b""

@@ -11,6 +11,7 @@ from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
 from orthomill.schemas.accuracy.promised_errors import PHOTOGRAPH_DIFFERENCES, RELIABILITY, PairDifferences, pair_differences_table
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Reading, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, ControlPoint
 from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -27,7 +28,7 @@ from orthomill.tasks.accuracy.promises.disjoint_photographs import photograph_di
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 
-_SCRATCH = 64 * 2**20
+_SCRATCH = 64 * MIB
 """bytes for patches and matching of one point"""
 
 
@@ -131,7 +132,7 @@ class PointJobs:
             params={"part": CheckedPart(self.surface, window)},
             row=tile.row,
             col=tile.col,
-            scratch=120 * window.cells,
+            scratch=array_bytes(120, window),
         )
 
     def _test(self, number: int, point: ControlPoint, table: Table) -> Job:

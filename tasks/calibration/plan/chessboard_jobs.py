@@ -6,6 +6,7 @@ from typing import Any
 from orthomill.schemas.camera import CAMERAS, LensKind, lens_parameters
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPixels, Raster, Region, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import CameraFromChessboards
 from orthomill.schemas.raster import RasterSpec, Window
@@ -38,7 +39,7 @@ from orthomill.tasks.calibration.stage import CalibrationStage, LensChoice
 from orthomill.tasks.imagery.pyramid import level_shape
 
 KIND = "calibration"
-_SEARCH_MEMORY = 160 * 2**20
+_SEARCH_MEMORY = 160 * MIB
 """bytes of working memory of the board detection on reduced images, measured"""
 
 
@@ -84,7 +85,7 @@ def _searches(boards: BoardPhotos, source: CameraFromChessboards) -> Iterator[Ra
             reads={"pixels": PhotoPixels(path, Window(0, 0, height, width))},
             writes={"corners": corners_table(name), "search": search_table(name), "overview": Raster(spec.name, spec.full)},
             params={"photo": name, "corners": source.corners, "boards": source.boards, "exact": exact},
-            scratch=3 * width * height + _SEARCH_MEMORY,
+            scratch=array_bytes(3, width, height) + _SEARCH_MEMORY,
         )
 
 
@@ -110,7 +111,7 @@ def _second_searches(boards: BoardPhotos, incomplete: tuple[str, ...], source: C
             reads={"pixels": PhotoPixels(path_of[name], Window(0, 0, height, width)), "arranged": ARRANGED},
             writes={"corners": completed_table(name)},
             params={"photo": name, "corners": source.corners},
-            scratch=2 * width * height,
+            scratch=array_bytes(2, width, height),
         )
 
 
@@ -129,7 +130,7 @@ def _adjustment(boards: BoardPhotos, incomplete: tuple[str, ...], params: dict[s
         reads=reads if alone else {"photos": PHOTOS, **reads},
         writes=_adjustment_writes(),
         params=params,
-        scratch=200 * 2**20,
+        scratch=200 * MIB,
     )
 
 

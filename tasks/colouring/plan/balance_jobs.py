@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 from orthomill.schemas.job import Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import photo_raster
 from orthomill.tasks.colouring.balance.balancing import balanced_block
@@ -32,7 +33,7 @@ def balance_job(
         writes={"radiometry": radiometry_table(stage)},
         params={"deep": "uint16" in set(dtypes), "method": settings.balance.kind, "vignetting": settings.vignetting},
         # Bytes per sample and photo that sees it; more than a dozen photos hardly see the same ground.
-        scratch=250 * SAMPLES_AT_MOST * min(len(names), 12),
+        scratch=array_bytes(250, SAMPLES_AT_MOST, min(len(names), 12)),
     )
 
 

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.job import Columns
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.settings.guided_matching import Guided, GuidedLevel
@@ -64,7 +65,7 @@ class GuidedBlock:
         """Working memory, bytes."""
         # Both images with their norms and structure tensor in float64; twenty numbers of every point that is matched at once.
         pixels = self.part.left.cells + self.part.right.cells
-        return 80 * pixels + 200 * nodes_at_once + 32 * self.posts.cells
+        return array_bytes(80, pixels) + array_bytes(200, nodes_at_once) + array_bytes(32, self.posts)
 
 
 class MatchedPoints(NamedTuple):

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.outcome import Outcome
@@ -280,5 +281,5 @@ def lines_scratch(block: LocusBlock, settings: LineLocus, factor: int) -> int:
     # Grey values of every photograph, its image on the plane and the row of all pixels; the search per node, the picture of
     # markers.
     pixels = sum(part.window.cells for part in block.photos)
-    cells = block.window.cells
-    return 20 * pixels + (64 + 12 * factor**2) * cells + 8 * settings.pixels + 16 * 256 * 48
+    markers = array_bytes(16, 256, 48)
+    return array_bytes(20, pixels) + array_bytes(64 + 12 * factor**2, block.window) + array_bytes(8, settings.pixels) + markers

@@ -9,6 +9,7 @@ from typing import Any
 
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
 from orthomill.schemas.job import Job, MapFile, Raster, Reading, Stream, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
@@ -112,7 +113,7 @@ class GuidedPlan:
             function = file_guide
             reads["guide"] = MapFile(guide.path, self.crs, self.posts, whole)
             params["path"] = guide.path
-        scratch = 100 * self.posts.cells
+        scratch = array_bytes(100, self.posts)
         return Job(
             stage=self.stage,
             item="guide 0",
@@ -202,7 +203,7 @@ class GuidedPlan:
             row=tile.row,
             col=tile.col,
             # Pairs of neighbours: a circle holds a few tens of points of the densest level.
-            scratch=2000 * around.cells,
+            scratch=array_bytes(2000, around),
         )
 
     def _pixels(self, pair: EpipolarPair) -> Iterator[RasterSpec | Job]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Job, MapFile, Raster, Reading
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window, map_raster
@@ -22,7 +23,7 @@ def model_plan(guide: GuideFile, surface: Surface, stage: str, crs: str) -> Iter
     yield map_raster(MODEL, grid, "float32", crs, CHUNK, nodata=float("nan"), unit="m", bands=4, axes=axes)
     reads: dict[str, Reading] = {"points": GROUND_POINTS, "block": BLOCK, "guide": MapFile(guide.path, crs, grid, whole)}
     params = {"grid": grid, "path": guide.path, "surface": surface}
-    scratch = 100 * grid.cells
+    scratch = array_bytes(100, grid)
     yield Job(
         stage=stage,
         item="model",

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from orthomill.schemas.job import Job, MapFile, Raster, Reading, Region, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
@@ -72,7 +73,7 @@ def guided_terrain_plan(
         )
         params.update(path=guide.path, reach=reach)
     # Tie points are predicted from one another on every size of squares, one after the other.
-    scratch = 120 * grid.cells
+    scratch = array_bytes(120, grid)
     yield Job(stage=stage, item="terrain", function=function, reads=reads, writes=writes, params=params, scratch=scratch)
 
 
@@ -136,5 +137,5 @@ def _judged(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) 
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities and their slices; of the levels, five float64 bands and their copies.
-            scratch=280 * judging.around.cells,
+            scratch=array_bytes(280, judging.around),
         )

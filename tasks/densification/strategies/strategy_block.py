@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.completion import VolumeWindow
@@ -85,7 +86,7 @@ class StrategyBlock:
         """Working memory of `match_by_strategy`, bytes."""
         # Both images in float32 with their smoothing and gradients, halved levels, and the tables of all nodes of left window.
         pixels = self.left.cells
-        return 40 * (pixels + self.right.cells) + 400 * (pixels // self.step**2 + 1)
+        return array_bytes(40, pixels + self.right.cells) + array_bytes(400, pixels // self.step**2 + 1)
 
 
 def match_by_strategy(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
@@ -300,4 +301,5 @@ def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
     pixels = [rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views]
     # Photographs are converted and rectified one after the other: grey values and their products, image, border and signatures.
     greatest = max((part.window.cells for part in tile.photos), default=0)
-    return scratch_bytes(candidates, cells, sum(pixels), settings) + 12 * greatest + 24 * max(pixels, default=0)
+    one = array_bytes(12, greatest) + array_bytes(24, max(pixels, default=0))
+    return scratch_bytes(candidates, cells, sum(pixels), settings) + one

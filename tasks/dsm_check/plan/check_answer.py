@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CHECKED_CODE, CORRECTED, CheckCode
@@ -68,7 +69,7 @@ def report_job(asked: DsmCheckStage, passes: Passes, reads: Reads, params: dict[
         reads={"tiles": tiles, "pairs": CHECKED_PAIRS, "coarse": coarse, "bends": BENDS, **reads},
         writes=writes,
         params={"blocks": what, **params},
-        scratch=400 * shape[0] * shape[1],
+        scratch=array_bytes(400, shape),
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec
@@ -114,7 +115,7 @@ def _one_pass(asked: DsmCheckStage, passes: Passes) -> Iterator[RasterSpec | Job
             params={"window": tile.window, "pairs": windows, "rule": rule, "shape": passes.surface.grid.shape},
             row=tile.row,
             col=tile.col,
-            scratch=tile.window.width * 64 * 96 + tile.window.cells * 64,
+            scratch=array_bytes(64, 96, tile.window.width) + array_bytes(64, tile.window),
         )
     yield report_job(asked, passes, {}, {})
 

@@ -2,6 +2,7 @@
 
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import HeightFile, Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
@@ -82,7 +83,7 @@ def _start(passes: Passes, level: int) -> Plan:
         fine = Raster("dsm_check/input", given.scaled(side).clipped(passes.surface.grid.shape))
         out: dict[str, Raster | Table] = {"height": Raster(f"dsm_check/level-{level}/height", tile.window)}
         params = {"window": tile.window, "given": given, "level": level}
-        scratch = 40 * given.cells * (side**2 + START_SIDE**2)
+        scratch = array_bytes(40, given, side**2 + START_SIDE**2)
         yield Job(
             stage=KIND,
             item=f"level-{level}-start",

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import RasterSpec, Tile, Window
 from orthomill.tasks.dsm_check.plan.passes import Passes, of_round
 from orthomill.tasks.dsm_check.plan.round_plan import KIND, CheckRound, Reads, coarser, node_halo
@@ -62,7 +63,7 @@ def look_again_job(passes: Passes, number: int) -> Job:
         reads=reads,
         writes=writes,
         params={"where": where},
-        scratch=64 * shape[0] * shape[1],
+        scratch=array_bytes(64, shape),
     )
 
 

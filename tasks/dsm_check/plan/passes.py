@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from orthomill.schemas.job import Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.surface import PROVENANCE, Surface
 from orthomill.tasks.dsm_check.areas import block_size
@@ -134,5 +135,5 @@ def tile_job(
         params=params,
         row=tile.row,
         col=tile.col,
-        scratch=tile.window.width * 64 * 96 + tile.window.cells * 64,
+        scratch=array_bytes(64, 96, tile.window.width) + array_bytes(64, tile.window),
     )

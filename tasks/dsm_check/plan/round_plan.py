@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from orthomill.schemas.epipolar import grey_table
 from orthomill.schemas.job import Job, Raster, Region, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
@@ -147,7 +148,7 @@ class CheckRound:
             params={"tile": what},
             row=tile.row,
             col=tile.col,
-            scratch=seen.cells * 24,
+            scratch=array_bytes(24, seen),
         )
 
     def _level(self, photo: str) -> int:
@@ -197,7 +198,7 @@ class CheckRound:
             params={"tile": what, "matching": self.how.matching, "correction": self.how.correction},
             row=tile.row,
             col=tile.col,
-            scratch=seen.cells * (8 + 45 * factor**2),
+            scratch=array_bytes(8 + 45 * factor**2, seen),
         )
 
     def bends(self) -> Iterator[Job]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, epipolar_raster, grey_table
 from orthomill.schemas.job import AreaFile, Export, Job, Raster, Reading
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import IMAGE_RESIDUALS
 from orthomill.schemas.orientation import BLOCK, Area, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -103,5 +104,5 @@ def _tile(asked: EpipolarStage, pair: EpipolarPair, side: Side, block: Block, ph
         params={"tile": of_pair, "photo_window": window, "bicubic": asked.interpolation == "bicubic"},
         row=tile.row,
         col=tile.col,
-        scratch=window.cells * 30,
+        scratch=array_bytes(30, window),
     )

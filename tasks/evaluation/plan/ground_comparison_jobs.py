@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_CODE, TERRAIN_PRECISION
 from orthomill.schemas.job import Job, Raster, Reading, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, tiles_of
 from orthomill.schemas.surface import PROVENANCE
 from orthomill.schemas.truth import TRUTH_GROUND, TRUTH_MATERIAL
@@ -32,7 +33,7 @@ def ground_jobs(grid: MapGrid, truth: MapGrid, tile: int) -> Iterator[Job]:
             params={"place": place, "core": t.window},
             row=t.row,
             col=t.col,
-            scratch=120 * place.window.cells,
+            scratch=array_bytes(120, place.window),
         )
     yield Job(
         stage="evaluation",

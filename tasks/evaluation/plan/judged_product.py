@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from orthomill.schemas.job import Raster, Region
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.evaluation.grids import Placement, readable
 from orthomill.tasks.evaluation.report.heights_section import DH
@@ -33,4 +34,4 @@ def truth_reads(place: Placement, **names: str) -> Reads:
 
 def pixels_scratch(place: Placement, bytes_per_pixel: int) -> int:
     """Working memory on the pixels of the truth, bytes."""
-    return place.window.cells * bytes_per_pixel
+    return array_bytes(bytes_per_pixel, place.window)

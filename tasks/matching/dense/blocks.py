@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import Window
 from orthomill.tasks.matching.dense.dense_settings import DenseMatching
@@ -86,7 +87,7 @@ def scratch_bytes(parallaxes: ParallaxRange, settings: DenseMatching) -> int:
     # Both images in float32 with their scratch; beside the left one what it is compared with; planes, weights and results of nodes.
     left = (BLOCK + 2 * HALO) ** 2
     right = (BLOCK + 2 * HALO) * (BLOCK + 2 * HALO + parallaxes.high - parallaxes.low)
-    return 20 * right + 40 * left + 100 * (left // settings.step**2)
+    return array_bytes(20, right) + array_bytes(40, left) + array_bytes(100, left // settings.step**2)
 
 
 @dataclass(frozen=True)

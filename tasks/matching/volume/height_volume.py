@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from orthomill.schemas.memory import array_bytes
 from orthomill.tasks.matching.volume.candidates import CellRanges, Ranges
 from orthomill.tasks.matching.volume.costs import (
     COST_UNIT,
@@ -84,4 +85,5 @@ def optimised(
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:
     """Working memory of a volume: of its candidates and cells, and of the pixels of all its rectified photographs together."""
     # Costs 1 byte and path sums 2; ranges, masks and results of a cell.
-    return 3 * candidates + (64 + settings.photographs) * cells + BITS[settings.half] // 6 * pixels
+    volume = array_bytes(3, candidates) + array_bytes(64 + settings.photographs, cells)
+    return volume + array_bytes(BITS[settings.half] // 6, pixels)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from orthomill.schemas.job import Job, Raster, Region, Stream, Table, TextFile
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import CONTROL, REGISTERED_POINTS, Control
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import (
@@ -51,7 +52,7 @@ def _target_jobs(view: ProjectView, source: ControlFromTargets) -> Iterator[Job]
             reads={"parts": Stream(tuple(Raster(photo_raster(photo.name), window) for window in windows))},
             writes={"codes": _codes(photo.name)},
             params={"photo": photo.name, "windows": windows},
-            scratch=_PER_SEARCHED * max(window.cells for window in windows),
+            scratch=max(array_bytes(_PER_SEARCHED, window) for window in windows),
         )
     reads: Reads = {"photos": PHOTOS, "codes": tuple(_codes(photo.name) for photo in photos)}
     reads |= {name: TextFile(path) for name in ("points", "distances") if (path := getattr(source, name))}

@@ -5,6 +5,7 @@ from typing import Any
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Export, HeightFile, Job, Raster, Table, TextFile
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINT_COUNTS, TIE_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, RELATIVE, SEPARATE_BLOCKS, Block
 from orthomill.schemas.photo import PHOTOS
@@ -26,7 +27,7 @@ from orthomill.tasks.orientation.results.block_tables import BlockTables
 from orthomill.tasks.orientation.results.products import PRODUCTS, block_products, product_table
 from orthomill.tasks.orientation.stage import OrientationStage
 
-_AT_LEAST = 32 * 2**20
+_AT_LEAST = 32 * MIB
 """bytes of working memory of a block of a few photographs"""
 _PER_RAY, _PER_RELATED = 1700, 100
 """bytes per image measurement of the adjustment and of the pairs (measured with blocks of 20 thousand to 2 million)"""
@@ -92,7 +93,7 @@ def _report_jobs(block: Table[Block], points: Table[GroundPoints]) -> Iterator[J
         function=overlap_map,
         reads={"block": BLOCK},
         writes={"map": Raster(OVERLAP, Window(0, 0, SIDE, SIDE))},
-        scratch=64 * SIDE * SIDE,
+        scratch=array_bytes(64, SIDE, SIDE),
     )
 
 
@@ -105,7 +106,7 @@ def _adjusted_jobs(asked: OrientationStage, view: ProjectView, tables: Tables) -
         reads={"photos": PHOTOS, "cameras": CAMERAS, "tie_points": TIE_POINTS},
         writes={"relative": RELATIVE},
         params={"least": asked.least_matches},
-        scratch=_AT_LEAST + _PER_RELATED * rays,
+        scratch=_AT_LEAST + array_bytes(_PER_RELATED, rays),
     )
     choices = BlockChoices(
         interior=asked.interior,
@@ -135,7 +136,7 @@ def _adjusted_jobs(asked: OrientationStage, view: ProjectView, tables: Tables) -
         reads=reads,
         writes=tables | {"separate": SEPARATE_BLOCKS},
         params=params,
-        scratch=_AT_LEAST + _PER_RAY * rays,
+        scratch=_AT_LEAST + array_bytes(_PER_RAY, rays),
         way_out="use fewer tie points ('max_matched' of tie_points)",
     )
 
@@ -156,7 +157,7 @@ def _fixed_jobs(view: ProjectView, source: ForeignSource, tables: Tables) -> Ite
         reads=reads,
         writes=tables,
         params={"crs": view.project.crs, "source": source},
-        scratch=_AT_LEAST + _PER_RAY * rays,
+        scratch=_AT_LEAST + array_bytes(_PER_RAY, rays),
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Cameras
 from orthomill.schemas.errors import GeometryError
-from orthomill.schemas.inspection import PairForms, PairUnknown
+from orthomill.schemas.inspections.inspection import PairForms, PairUnknown
 from orthomill.schemas.observations import TiePoints
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.photo import Photos

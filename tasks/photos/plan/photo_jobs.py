@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from orthomill.schemas.job import Export, Job, PhotoHeader, PhotoPicture, PhotoPixels, Raster, Region, Table, TextFile
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.photo import PHOTOS, Photo, Soundness, photo_raster
 from orthomill.schemas.project import MaskFiles
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
@@ -24,7 +25,7 @@ from orthomill.tasks.photos.scans import Scans, scan_tile, scan_window
 from orthomill.tasks.photos.stage import PhotosStage
 
 KIND = "photos"
-AT_ONCE = 96 * 2**20
+AT_ONCE = 96 * MIB
 """Bytes of a strip of a photograph that is decoded in order; a job takes four times as many, a worker of 1 GiB has room for it."""
 SCANS = Table("photos/scans.json", Scans)
 
@@ -88,7 +89,7 @@ def _pixel_jobs(photo: Photo, tile: int) -> Iterator[RasterSpec | Job]:
         reads={"overview": Raster(top.name, top.full)},
         writes={"exposure": exposure_table(photo.name)},
         params={"photo": photo.name},
-        scratch=16 * top.shape[0] * top.shape[1],  # bytes: the grey values and two temporary arrays, float32
+        scratch=array_bytes(16, top.shape[:2]),  # bytes: the grey values and two temporary arrays, float32
     )
 
 
@@ -108,7 +109,7 @@ def _strip_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             params=_orientations(photo),
             # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
             # progressive JPEG have 16 bits.
-            scratch=2 * window.cells * photo.stored_bands,
+            scratch=array_bytes(2, window, photo.stored_bands),
             way_out=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
         )
 
@@ -128,7 +129,7 @@ def _scan_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             reads={} if source.empty else {"pixels": PhotoPixels(photo.path, source), **_scan_mask(photo, source)},
             writes={"tile": Raster(spec.name, cell.window)},
             params={"photo": photo, "window": cell.window, "source": source},
-            scratch=(16 * source.cells + 48 * tile * tile) * photo.stored_bands,
+            scratch=array_bytes(16, source, photo.stored_bands) + array_bytes(48, tile, tile, photo.stored_bands),
         )
 
 
@@ -153,7 +154,7 @@ def _level_jobs(photo: Photo, level: int, tile: int) -> Iterator[Job]:
             reads={"pixels": Raster(below.name, source_window(cell.window, below.shape))},
             writes={"tile": Raster(spec.name, cell.window)},
             params={"window": cell.window},
-            scratch=64 * tile * tile * photo.stored_bands,
+            scratch=array_bytes(64, tile, tile, photo.stored_bands),
         )
 
 

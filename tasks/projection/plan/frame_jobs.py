@@ -3,10 +3,11 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan, prod
+from math import nan
 from typing import Any
 
 from orthomill.schemas.job import Job, Raster, Reading, Stream, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.raster import RasterSpec, Tile, map_raster, tiles_of
 from orthomill.schemas.solid.frames import AnyFrame, FlatFrame
 from orthomill.tasks.colouring.sight.output_tile import blocks_of_window
@@ -94,7 +95,7 @@ class FrameJobs:
                     "surface": surface_table(self.name, tile),
                 },
                 params={"numbers": numbers, "frame": self.frame, "section": self.section, "window": tile.window},
-                scratch=160 * prod(tile.window.shape) + 40 * 2**20,
+                scratch=array_bytes(160, tile.window) + 40 * MIB,
             )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from orthomill.schemas.job import Export, Job, MeshFile, Raster, Stream, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.solid.census import MeshCensus
@@ -45,7 +46,7 @@ def mesh_job(view: ProjectView, surface: MeshSurface | SimulatedMesh | HeightMod
         reads={"mesh": MeshFile(path)},
         writes={**_MESH, "census": CENSUS},
         params={"unit": surface.unit, "shift": surface.shift, "y_up": surface.y_up, "systems": (surface.crs, view.project.crs)},
-        scratch=512 * 2**20,
+        scratch=512 * MIB,
         way_out="decimate the mesh",
     )
 
@@ -61,7 +62,7 @@ def _height_mesh(view: ProjectView, every: int) -> Job:
         reads={"heights": Raster(view.raster(heights).name, Window(0, 0, *grid.shape))},
         writes={**_MESH, "census": CENSUS},
         params={"grid": grid, "every": every},
-        scratch=700 * grid.cells // every**2,
+        scratch=array_bytes(700, grid) // every**2,
         way_out="set a larger 'every' of the surface",
     )
 
@@ -77,7 +78,7 @@ def block_jobs(census: MeshCensus) -> Iterator[RasterSpec | Job]:
         function=cut_into_blocks,
         reads=_MESH,
         writes={"corners": Raster(CORNERS, spec.full), "boxes": BLOCKS},
-        scratch=60 * census.vertices + 150 * census.triangles,
+        scratch=array_bytes(60, census.vertices) + array_bytes(150, census.triangles),
     )
 
 
@@ -90,7 +91,7 @@ def frames_job(outputs: tuple[Output, ...], names: tuple[str, ...], unit: Unit) 
         reads={**_MESH, "census": CENSUS, "block": BLOCK},
         writes={"frames": FRAMES},
         params={"outputs": outputs, "taking_part": names, "unit": unit},
-        scratch=256 * 2**20,
+        scratch=256 * MIB,
     )
 
 
@@ -117,7 +118,7 @@ def line_jobs(lines: tuple[SectionLine, ...], blocks: int) -> Iterator[Job | Exp
             reads={"blocks": Stream(mesh_blocks(tuple(range(blocks)))), "census": CENSUS},
             writes=tables,
             params={"line": line},
-            scratch=256 * 2**20,
+            scratch=256 * MIB,
         )
         for kind, table in tables.items():
             yield Export("projection", f"{line.name}-{kind}", f"products/{line.name}.{kind}", "text", tables=(table,))

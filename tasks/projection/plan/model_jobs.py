@@ -7,6 +7,7 @@ from math import sqrt
 from typing import Any
 
 from orthomill.schemas.job import Export, FileBytes, Job, Reading, Stream, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.tasks.colouring.blending.colour_rules import ColourRules
 from orthomill.tasks.colouring.plan.balance_jobs import photo_pixels
@@ -122,7 +123,7 @@ class ModelJobs:
             reads["widening"] = widening
         if regions.masks:
             reads["masks"] = regions.masks
-        side = self._side(number)
+        side, colours = self._side(number), array_bytes(400 + 40 * len(regions.parts), TOGETHER)
         tile = TexturedBlock(
             number=number,
             blocks=regions.blocks,
@@ -139,7 +140,7 @@ class ModelJobs:
             reads=reads,
             writes={"tile": tile_table(0, number), "corners": corners_table(0, number), "facts": facts_table(number)},
             params={"tile": tile, "tolerance": tolerance, "rules": rules},
-            scratch=40 * side**2 + (400 + 40 * len(regions.parts)) * TOGETHER + len(regions.blocks) * 2**20 + 16 * 2**20,
+            scratch=array_bytes(40, side, side) + colours + (len(regions.blocks) + 16) * MIB,
         )
 
     def _side(self, number: int) -> int:
@@ -160,7 +161,7 @@ class ModelJobs:
             reads={"parts": Stream(tuple(corners_table(level - 1, k) for k in range(below)))},
             writes={"cells": cells},
             params={"cell": cell},
-            scratch=600 * (self.basis.census.triangles // _TOGETHER**level + 2**16),
+            scratch=array_bytes(600, self.basis.census.triangles // _TOGETHER**level + 2**16),
         )
         for number in range(self.counts[level]):
             children = range(_TOGETHER * number, min(_TOGETHER * (number + 1), below))
@@ -171,7 +172,7 @@ class ModelJobs:
                 reads={"children": tuple(corners_table(level - 1, k) for k in children), "cells": cells, "facing": FACING},
                 writes={"tile": tile_table(level, number), "corners": corners_table(level, number)},
                 params={"cell": cell, "extras": self.extras},
-                scratch=64 * 2**20,
+                scratch=64 * MIB,
             )
 
     def _files(self) -> Iterator[Job | Export]:
@@ -197,7 +198,7 @@ class ModelJobs:
             writes={"ply": ply},
             params={"crs": self.basis.crs},
             # The sums of colours, the file, and what packs it for the disk.
-            scratch=130 * census.vertices + 90 * census.triangles,
+            scratch=array_bytes(130, census.vertices) + array_bytes(90, census.triangles),
         )
         yield Export("projection", "model_ply", "products/model.ply", "bytes", tables=(ply,))
 
@@ -215,7 +216,7 @@ class ModelJobs:
             },
             writes={"page": page},
             params={"names": self.basis.names, "title": self.project},
-            scratch=512 * 2**20,
+            scratch=512 * MIB,
         )
         yield Export("projection", "model_page", "products/model.html", "text", tables=(page,))
 
@@ -240,7 +241,7 @@ class ModelJobs:
             reads={"tiles": Stream(tuple(tile_table(0, k) for k in range(self.counts[0])))},
             writes={"glb": whole},
             params={"extras": self.extras},
-            scratch=self.counts[0] * 3 * self.side**2,
+            scratch=array_bytes(3, self.counts[0], self.side**2),
         )
         yield Export("projection", "model_glb", "products/model.glb", "bytes", tables=(whole,))
 

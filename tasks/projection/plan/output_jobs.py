@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
 
 from orthomill.schemas.job import Export, Job, Raster, Reading, Stream, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec, Tile
 from orthomill.schemas.solid.frames import ViewFrame
@@ -105,7 +105,7 @@ class OutputJobs:
                 reads=reads,
                 writes={"sight": frame.at("sight", tile)},
                 params={"tile": numbered, "tolerance": tolerance},
-                scratch=(400 + count) * prod(tile.window.shape) + len(regions.blocks) * 2**20,
+                scratch=array_bytes(400 + count, tile.window) + len(regions.blocks) * MIB,
             )
 
     def samples(self, spacing: int, first: int) -> Iterator[Job]:
@@ -119,7 +119,7 @@ class OutputJobs:
                 reads={**self._reads(tile, surface, parts), "facing": FACING},
                 writes={"samples": samples_table(self.frame.name, tile)},
                 params={"tile": self.tile(tile, surface).with_parts(parts), "spacing": spacing, "first": first},
-                scratch=16 * prod(tile.window.shape) + 2**20,
+                scratch=array_bytes(16, tile.window) + MIB,
             )
 
     def surface_reads(self, surface: TileSurface) -> dict[str, Reading]:
@@ -192,7 +192,7 @@ class OutputJobs:
 
     def colour_scratch(self, tile: Tile, parts: tuple[PhotoPart, ...]) -> int:
         """Bytes for points, normals and corners in float64, and for every photograph colours, weights and breaks."""
-        return (300 + 20 * len(parts)) * prod(tile.window.shape) + 8 * 2**20
+        return array_bytes(300 + 20 * len(parts), tile.window) + 8 * MIB
 
     def depth_pictures(self) -> Iterator[RasterSpec | Job | Export]:
         """The depth of the output as a picture, in one range of grey for all tiles."""
@@ -207,7 +207,7 @@ class OutputJobs:
                 reads={"nearness": frame.at("nearness", tile)},
                 writes={"picture": frame.at("picture", tile)},
                 params={"central": isinstance(frame.frame, ViewFrame), "near": near},
-                scratch=40 * prod(tile.window.shape),
+                scratch=array_bytes(40, tile.window),
             )
         path, picture = f"products/depth/{frame.name}.png", output_layer(frame.name, "picture")
         yield Export("projection", f"{frame.name}-depth-png", path, "png", {"rgba": picture})

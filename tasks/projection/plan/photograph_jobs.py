@@ -1,9 +1,9 @@
 """The jobs of the photographs: depth and triangle of every pixel, black borders, and depths as pictures."""
 
 from collections.abc import Iterator
-from math import prod
 
 from orthomill.schemas.job import Export, Job, Raster, Stream
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import RasterSpec, Window
@@ -29,6 +29,7 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
         for layer, kind, unit in (("nearness", "float32", "1/m"), ("triangle", "int32", "")):
             yield RasterSpec(name=photograph_layer(name, layer), shape=window.shape, dtype=kind, chunk=basis.tile, unit=unit)
         numbers = blocks_of_photograph(view, basis.blocks.corners, basis.origin)
+        squares = array_bytes(1, window.cells // 16384, len(basis.blocks.boxes))
         yield Job(
             stage="projection",
             item=f"depth-{name}",
@@ -40,7 +41,7 @@ def photograph_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
             },
             params={"numbers": numbers, "name": name, "window": window},
             # Projected corners of a block, the fronts of all triangles, the marks of squares and blocks.
-            scratch=4 * 2**20 + basis.census.triangles + window.cells // 16384 * len(basis.blocks.boxes),
+            scratch=4 * MIB + array_bytes(1, basis.census.triangles) + squares,
         )
 
 
@@ -56,7 +57,7 @@ def border_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job]:
             function=border_mask,
             reads={"pixels": Raster(photo_raster(name, 0), whole)},
             writes={"mask": Raster(border_layer(name), whole), "facts": border_table(name)},
-            scratch=24 * prod(whole.shape),
+            scratch=array_bytes(24, whole),
         )
 
 
@@ -73,6 +74,6 @@ def picture_jobs(basis: ProjectionBasis) -> Iterator[RasterSpec | Job | Export]:
             reads={"nearness": Raster(photograph_layer(name, "nearness"), whole)},
             writes={"picture": Raster(layer, whole)},
             params={"central": True},
-            scratch=40 * prod(shape),
+            scratch=array_bytes(40, shape),
         )
         yield Export("projection", f"depth-png-{name}", f"products/depth/{name}.png", "png", {"rgba": layer})

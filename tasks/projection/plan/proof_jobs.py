@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.tasks.colouring.blending.colour_rules import ColourRules
@@ -50,5 +51,5 @@ def proof_jobs(
         },
         writes={"result": left_out_table(frame.name), "difference": Raster(output_layer(frame.name, "difference"), whole)},
         params={"name": name},
-        scratch=120 * frame.rows * frame.cols,
+        scratch=array_bytes(120, frame.rows, frame.cols),
     )

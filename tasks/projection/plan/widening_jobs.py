@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import prod
 
 from orthomill.schemas.job import Job, Raster, Stream
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.tasks.colouring.blending.colour_rules import ColourRules
 from orthomill.tasks.colouring.widening.hidden_edges import WideningRules, edge_tile, fixed_width, limit_zone
@@ -36,7 +36,7 @@ class WideningJobs:
                 },
                 writes={"edges": edges_table(frame.name, tile)},
                 params={"tile": output.tile(tile, surface), "around": around, "rules": rules},
-                scratch=64 * prod(around.shape),
+                scratch=array_bytes(64, around),
             )
         edges = Stream(tuple(edges_table(frame.name, tile) for tile in frame.tiles))
         for number, name in enumerate(frame.photographs):
@@ -50,7 +50,7 @@ class WideningJobs:
                 reads={"edges": edges},
                 writes={"zone": Raster(layer, Window(0, 0, *shape))},
                 params={"number": number, "shape": shape, "widths": rules.widths},
-                scratch=8 * prod(shape),
+                scratch=array_bytes(8, shape),
             )
 
     def trials(self, rules: ColourRules) -> Iterator[Job]:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Export, Job, Raster, Reading
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.raster import RasterSpec, tiles_of
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.truth import (
@@ -28,7 +29,7 @@ from orthomill.tasks.simulation.portal.portal_tiles import (
 )
 from orthomill.tasks.simulation.report.portal_report import portal_report
 
-_SCENE_BYTES = 120 * 2**20
+_SCENE_BYTES = 120 * MIB
 """of the scene, which every process has once"""
 
 
@@ -64,7 +65,7 @@ def plan_portal(site: PortalSite, crs: str, tile: int) -> Iterator[RasterSpec | 
         reads={},
         writes={"scan": SCAN_TEXT},
         params={"site": site},
-        scratch=_SCENE_BYTES + 600 * triangles,
+        scratch=_SCENE_BYTES + array_bytes(600, triangles),
     )
     yield Export("simulation", "scan_file", "photographs/scan.ply", "text", tables=(SCAN_TEXT,))
     reads: dict[str, Reading] = {"control": CONTROL_TABLE, "measurements": MEASUREMENTS_TABLE}
@@ -87,7 +88,7 @@ def _plan_front(site: PortalSite, tile: int) -> Iterator[RasterSpec | Job]:
     for t in tiles_of(shape, tile):
         regions = {key: Raster(name, t.window) for key, name in writes.items()}
         params = {"site": site, "window": t.window}
-        scratch = _SCENE_BYTES + 120 * t.window.cells
+        scratch = _SCENE_BYTES + array_bytes(120, t.window)
         yield Job(
             stage="simulation",
             item="front",
@@ -108,7 +109,7 @@ def _plan_photograph(site: PortalSite, number: int, name: str, tile: int) -> Ite
     for t in tiles_of(shape, tile):
         writes = {"photo": Raster(portal_raster(name), t.window)}
         params = {"site": site, "number": number, "window": t.window}
-        scratch = _SCENE_BYTES + 40 * t.window.cells
+        scratch = _SCENE_BYTES + array_bytes(40, t.window)
         yield Job(
             stage="simulation",
             item=name,

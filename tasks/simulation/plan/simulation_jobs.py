@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Export, Job, Raster, Region, Table
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.raster import MapGrid, RasterSpec, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
@@ -111,7 +112,7 @@ def _plan_scene(asked: SimulationStage, site: Site, crs: str, tile: int) -> Iter
             row=t.row,
             col=t.col,
             # The halo of the shadows, and the mosaic of real photographs with its mean.
-            scratch=90 * (t.window.height + 100) * (t.window.width + 100) + 70 * 2**20,
+            scratch=array_bytes(90, t.window.height + 100, t.window.width + 100) + 70 * MIB,
         )
     yield from _plan_visibility(asked, site, tile)
 
@@ -128,7 +129,7 @@ def _plan_visibility(asked: SimulationStage, site: Site, tile: int) -> Iterator[
             params={"site": site, "window": t.window, "wide": wide},
             row=t.row,
             col=t.col,
-            scratch=16 * wide.cells,
+            scratch=array_bytes(16, wide),
         )
 
 
@@ -152,7 +153,7 @@ def _plan_photos(asked: SimulationStage, site: Site, tile: int) -> Iterator[Rast
                 params=params,
                 row=t.row,
                 col=t.col,
-                scratch=52 * ground.cells + 28 * t.window.cells,
+                scratch=array_bytes(52, ground) + array_bytes(28, t.window),
             )
         yield Export("simulation", f"{photo.name}_file", f"photographs/{photo.name}.tif", "tiff", {"image": name})
 
@@ -173,7 +174,7 @@ def _plan_boards(asked: SimulationStage, site: Site, tile: int) -> Iterator[Rast
                 params={"flight": flight_of(asked), "photo": photo, "pixels": t.window},
                 row=t.row,
                 col=t.col,
-                scratch=12 * t.window.cells,
+                scratch=array_bytes(12, t.window),
             )
         file = f"chessboards/board_{number + 1:02d}.tif"
         yield Export("simulation", f"board_{number + 1:02d}_file", file, "tiff", {"image": name})

@@ -11,6 +11,7 @@ from orthomill.schemas.bare_ground import (
     terrain_lines_table,
 )
 from orthomill.schemas.job import Export, Job, Raster, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
@@ -56,7 +57,7 @@ def _joined(asked: DrawContours, grid: MapGrid, sheet: Tile, size: int) -> Job:
         row=sheet.row,
         col=sheet.col,
         # Ten cells of ground for a vertex: contours are no closer than the relief allows.
-        scratch=_VERTEX * sheet.window.cells // 10,
+        scratch=array_bytes(_VERTEX, sheet.window) // 10,
     )
 
 
@@ -75,7 +76,7 @@ def _pieces(grid: MapGrid, tile: Tile) -> Job:
         params={"grid": grid, "windows": (outer, core)},
         row=tile.row,
         col=tile.col,
-        scratch=80 * outer.cells,
+        scratch=array_bytes(80, outer),
     )
 
 

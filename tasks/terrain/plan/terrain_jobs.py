@@ -16,6 +16,7 @@ from orthomill.schemas.bare_ground import (
     point_classes_table,
 )
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_raster, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
@@ -129,7 +130,7 @@ class TerrainJobs:
             reads=parts,
             writes={"errors": ERRORS},
             params={"cell": self.rules.block, "rings": self.rules.margin},
-            scratch=_SAMPLE * self.coarse.cells // hidden_ground.STRIDE**2,
+            scratch=array_bytes(_SAMPLE, self.coarse) // hidden_ground.STRIDE**2,
         )
         for of_tile in (self._bridge, self._cells, self._points, self._sums):
             yield from map(of_tile, self.tiles)
@@ -175,7 +176,7 @@ class TerrainJobs:
         reads = {key: Raster(name, tile.window) for key, name in names.items()}
         writes = {"blocks": Raster(BLOCKS, self._core(tile))}
         # Three float64 copies in blocks, and their masks.
-        scratch = 64 * tile.window.cells
+        scratch = array_bytes(64, tile.window)
         return self._job(tile, "blocks", blocks_of_tile, reads, writes, {"rules": self.rules}, scratch)
 
     def _kept(self, tile: Tile) -> Job:
@@ -236,7 +237,7 @@ class TerrainJobs:
 
     def _sums(self, tile: Tile) -> Job:
         reads = {key: Raster(name, tile.window) for key, name in _CELL_RASTERS.items()}
-        scratch = 32 * tile.window.cells
+        scratch = array_bytes(32, tile.window)
         return self._job(tile, "sums", sums_of_tile, reads, {"sums": _sums_table(tile)}, {}, scratch)
 
     @property

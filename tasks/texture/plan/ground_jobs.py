@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import nan
 
 from orthomill.schemas.job import Job, Raster, Reading
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.ground.draping import BLOCK, block_grid, block_heights, blocks_of
@@ -28,7 +29,7 @@ def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[Ras
             row=tile.row,
             col=tile.col,
             # A known flag, its sum and the sum of heights in float64 per cell, for the first of the halvings.
-            scratch=16 * tile.window.cells,
+            scratch=array_bytes(16, tile.window),
         )
     whole = Window(0, 0, *grid.shape)
     yield Job(
@@ -37,7 +38,7 @@ def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[Ras
         function=filled,
         reads={"values": Raster(BLOCK_HEIGHTS, whole)},
         writes={"ground": Raster(GROUND, whole)},
-        scratch=40 * grid.cells,
+        scratch=array_bytes(40, grid),
     )
 
 
@@ -58,7 +59,7 @@ def relief_jobs(dsm: MapGrid, size: int, heights: str, draped: bool) -> Iterator
             params={"window": tile.window},
             row=tile.row,
             col=tile.col,
-            scratch=8 * tile.window.cells,
+            scratch=array_bytes(8, tile.window),
         )
     yield Job(
         stage="texture", item="whole-relief", function=whole_relief, reads={"parts": tuple(tables)}, writes={"relief": RELIEF}

@@ -8,6 +8,7 @@ from statistics import median
 from orthomill.schemas.bare_ground import CELL_CLASS, point_classes_table
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, map_raster, tiles_of
@@ -255,21 +256,21 @@ class OrthoimageJobs:
 
 def _sample_scratch(extent: TileExtent) -> int:
     """Bytes for the bridged model and the ground of the tile."""
-    return 64 * extent.heights.cells + 16 * extent.window.cells
+    return array_bytes(64, extent.heights) + array_bytes(16, extent.window)
 
 
 def _tile_scratch(extent: TileExtent) -> int:
     """Bytes for the bridged models, ground and weight factors of the tile, and the colours of one strip."""
     photos = len(extent.photos)
-    cells = extent.heights.cells
-    pixels = extent.window.cells
     # Draping holds the cells, their sums in float64 and two levels at a time; visibility the model and its measured part, as they
     # are and as low as they may well be.
-    return (32 + 52) * cells + (48 + 7 * photos) * pixels + 64 * extent.window.width * (photos * 40 + 40)
+    strip = array_bytes(40 * (photos + 1), 64, extent.window.width)
+    return array_bytes(32 + 52, extent.heights) + array_bytes(48 + 7 * photos, extent.window) + strip
 
 
 def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:
     """Bytes for both surfaces, examples and scores of the pixels around the tile, and the colours of one strip at both heights."""
     wide = extent.window.grown(rules.around * extent.divisor)
     photos, cells = len(extent.photos), wide.cells // extent.divisor**2
-    return 80 * cells + (90 + 3 * photos) * wide.cells + 32 * wide.width * photos * 40
+    strip = array_bytes(40 * photos, 32, wide.width)
+    return array_bytes(80, cells) + array_bytes(90 + 3 * photos, wide) + strip

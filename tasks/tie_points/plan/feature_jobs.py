@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Job, Raster, Region, Table
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.raster import Tile
 from orthomill.tasks.tie_points.appearance import SAMPLE, WORDS, Signature, alike, sample, signature, vocabulary
@@ -36,7 +37,7 @@ def feature_jobs(asked: TiePointsStage, photo: Photo) -> Iterator[Job]:
         reads={"features": tuple(part[0] for part in parts), "descriptors": tuple(part[1] for part in parts)},
         writes={"features": features, "descriptors": descriptors},
         params={"level": level, "max_features": asked.max_features},
-        scratch=16 * DESCRIPTOR * asked.max_features,
+        scratch=array_bytes(16, DESCRIPTOR, asked.max_features),
     )
 
 
@@ -53,7 +54,7 @@ def _part_job(asked: TiePointsStage, photo: Photo, level: int, cell: Tile, table
         writes={"features": tables[0], "descriptors": tables[1]},
         params={"detection": detection, **({"search": asked.search} if by_correlation else {})},
         # Bytes per pixel: OpenCV doubles the image and keeps all octaves of Gaussians and their differences as float32.
-        scratch=260 * detection.window.cells,
+        scratch=array_bytes(260, detection.window),
     )
 
 
@@ -61,7 +62,7 @@ def appearance_jobs(asked: TiePointsStage, photos: Photos, neighbourhood: Neighb
     """One signature per photograph, with clusters formed by a sample of all photographs."""
     samples = {name: Table(f"tie_points/appearance/sample/{name}.parquet", Values) for name in photos.names}
     signatures = {name: Table(f"tie_points/appearance/{name}.parquet", Signature) for name in photos.names}
-    size = 4 * DESCRIPTOR * asked.max_features
+    descriptors = DESCRIPTOR * asked.max_features
     for name in photos.names:
         yield Job(
             stage=asked.kind,
@@ -69,7 +70,7 @@ def appearance_jobs(asked: TiePointsStage, photos: Photos, neighbourhood: Neighb
             function=sample,
             reads={"photo": feature_tables(name)},
             writes={"sample": samples[name]},
-            scratch=size,
+            scratch=array_bytes(4, descriptors),
         )
     yield Job(
         stage=asked.kind,
@@ -77,7 +78,7 @@ def appearance_jobs(asked: TiePointsStage, photos: Photos, neighbourhood: Neighb
         function=vocabulary,
         reads={"samples": tuple(samples.values())},
         writes={"words": VOCABULARY},
-        scratch=8 * (DESCRIPTOR + WORDS) * SAMPLE * len(photos.names),
+        scratch=array_bytes(8, DESCRIPTOR + WORDS, SAMPLE, len(photos.names)),
     )
     for name in photos.names:
         reads: dict[str, Region | tuple[Region, ...]] = {"photo": feature_tables(name), "words": VOCABULARY}
@@ -87,7 +88,7 @@ def appearance_jobs(asked: TiePointsStage, photos: Photos, neighbourhood: Neighb
             function=signature,
             reads=reads,
             writes={"signature": signatures[name]},
-            scratch=4 * size,
+            scratch=array_bytes(16, descriptors),
         )
     yield Job(
         stage=asked.kind,
@@ -96,5 +97,5 @@ def appearance_jobs(asked: TiePointsStage, photos: Photos, neighbourhood: Neighb
         reads={"photos": PHOTOS, "signatures": tuple(signatures.values())},
         writes={"candidates": CANDIDATES},
         params={"neighbourhood": neighbourhood},
-        scratch=8 * WORDS * DESCRIPTOR * len(photos.names),
+        scratch=array_bytes(8, WORDS, DESCRIPTOR, len(photos.names)),
     )

@@ -2,6 +2,7 @@
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Job, Raster, Reading, Stream, TextFile
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.photo import Photo, Photos, photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.tie_points.correlation_search import correlate_pair
@@ -39,7 +40,7 @@ def pair_job(asked: TiePointsStage, left: Photo, right: Photo) -> Job:
         reads={"left": feature_tables(left.name), "right": feature_tables(right.name), "cameras": CAMERAS},
         writes={"matches": matches, "summary": summary},
         params={"names": (left.name, right.name), "rules": PairRules(asked.ratio, asked.epipolar_tolerance * scale)},
-        scratch=(3 * 4 * 1024 + 16 * DESCRIPTOR) * asked.max_features,
+        scratch=array_bytes(3 * 4 * 1024 + 16 * DESCRIPTOR, asked.max_features),
     )
 
 
@@ -59,7 +60,7 @@ def _correlation_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: C
         reads={"features": tuple(feature_tables(photo.name)[0] for photo in pair), "pixels": pixels, "cameras": CAMERAS},
         writes={"matches": matches, "summary": summary},
         params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
-        scratch=16 * sum(height * width for height, width in shapes) + 80 * search.correlation.search**2,
+        scratch=sum(array_bytes(16, shape) for shape in shapes) + array_bytes(80, search.correlation.search**2),
     )
 
 
@@ -100,7 +101,7 @@ def count_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int
         writes={"counts": MATCH_COUNTS, "kept": KEPT},
         params={"pairs": pairs, "sizes": frame_sizes(photos), "most": asked.max_matched},
         # Two bytes for every feature, eight for every one that is kept, and their sum as it is put together.
-        scratch=asked.max_features * (2 * len(photos.names) + 128) + 24 * asked.max_matched,
+        scratch=array_bytes(2 * len(photos.names) + 128, asked.max_features) + array_bytes(24, asked.max_matched),
     )
 
 

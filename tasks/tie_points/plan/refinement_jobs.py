@@ -5,6 +5,7 @@ from itertools import groupby
 
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Job, Raster, Stream
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import TIE_POINT_COUNTS, TIE_POINTS
 from orthomill.schemas.photo import PHOTOS, Photo, Photos, photo_raster
 from orthomill.schemas.stage_report import report_table
@@ -42,7 +43,7 @@ def patch_jobs(asked: TiePointsStage, photo: Photo, tile: int) -> Iterator[Job]:
             writes={"patches": patch_table(photo.name, number)},
             params={"strip": strip},
             # Patches, the grey values of the strip and, of some rows at a time, the numbers that these are made of.
-            scratch=(2 * strip.half + 1) ** 2 * asked.max_features + 3 * strip.window.cells,
+            scratch=array_bytes(1, (2 * strip.half + 1) ** 2, asked.max_features) + array_bytes(3, strip.window),
         )
 
 
@@ -71,7 +72,7 @@ def last_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int]
         },
         writes={"tie_points": TIE_POINTS, "counts": TIE_POINT_COUNTS, "report": report_table(asked.kind)},
         params={"weighting": Weighting(asked.sigma_floor, asked.sigma_unrefined * coarsest, asked.unrefined)},
-        scratch=700 * links.tracks,
+        scratch=array_bytes(700, links.tracks),
     )
 
 
@@ -108,5 +109,5 @@ def _refinement_job(asked: TiePointsStage, photo: Refinable, partners: tuple[Ref
         writes={"refined": refined, "scatters": scatters},
         params={"photo": photo, "partners": partners},
         # A batch in mosaics, and the patches of two photographs: those that a pair shares, and all strips of a partner.
-        scratch=(60 * 1024 + 3 * asked.max_features) * side**2,
+        scratch=array_bytes(60 * 1024 + 3 * asked.max_features, side**2),
     )

@@ -4,7 +4,8 @@ from collections import namedtuple
 import pytest
 
 from orthomill.pipeline.cli import doctor as examination
-from orthomill.pipeline.cli.doctor import GIB, doctor
+from orthomill.pipeline.cli.doctor import doctor
+from orthomill.schemas.memory import GIB
 
 
 def finding(name, folder):

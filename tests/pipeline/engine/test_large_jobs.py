@@ -15,9 +15,9 @@ from orthomill.pipeline.engine.graph import PROCESS_BYTES
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Job, Table
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.stage_contract import Stage
 
-MIB = 2**20
 SHARE = PROCESS_BYTES + 100 * MIB
 
 

@@ -12,13 +12,14 @@ from toy_stages import CATALOGUE, PROJECT, TOTAL, SmoothStage, SourceStage, SumS
 from orthomill.pipeline.engine import running
 from orthomill.pipeline.engine.run_facts import DASHBOARD, read_facts
 from orthomill.pipeline.engine.runner import SchedulerLost, SequentialRunner
-from orthomill.pipeline.engine.running import LOST, MIB, Options, check_stage_names, run_workflow, session_of
+from orthomill.pipeline.engine.running import LOST, Options, check_stage_names, run_workflow, session_of
 from orthomill.pipeline.engine.session import Unwatched
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.report.results import REPORT, SUMMARY, rewrite_results, run_with_report
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.project import Tolerances
 
 SEQUENTIAL = Options(sequential=True)

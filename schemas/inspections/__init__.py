@@ -1,0 +1,1 @@
+"""What is looked up in a single photograph, and by which rules."""
