@@ -24,8 +24,9 @@ from orthomill.schemas.stage_report import Picture, StageReport, report_table
 SIDE = 1000
 """longest side of a drawing before it is cut to the ground that is shown, px"""
 WIDTH, GAP = 12.0, 0.3
-ABOVE, BELOW = 0.6, 1.05
-"""width of the sheet and between panels, and heights of their texts, inches of 100 px"""
+ABOVE, BAR, LINE = 0.6, 0.6, 0.185
+"""width of the sheet and between panels; heights of the texts above one, of a bar of colours and of a line of a legend; inches of
+100 px"""
 NOTHING = "#000000"
 """the colour of the class that has no value"""
 SEEN = 0.5
@@ -85,9 +86,13 @@ def _colour_bar(axes: Axes, bar: ColourBar) -> None:
     axes.figure.colorbar(colours, cax=place, orientation="horizontal").ax.tick_params(labelsize=9)
 
 
+def shown(classes: tuple[ClassEntry, ...]) -> list[ClassEntry]:
+    """The classes of a legend."""
+    return sorted((entry for entry in classes if entry.share >= SEEN and entry.colour != NOTHING), key=lambda entry: -entry.share)
+
+
 def _classes(axes: Axes, classes: tuple[ClassEntry, ...]) -> None:
-    shown = sorted((entry for entry in classes if entry.share >= SEEN and entry.colour != NOTHING), key=lambda entry: -entry.share)
-    handles = [Patch(color=entry.colour, label=entry.meaning) for entry in shown]
+    handles = [Patch(color=entry.colour, label=entry.meaning) for entry in shown(classes)]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0, 0), frameon=False, fontsize=9, borderaxespad=0.2, borderpad=0)
 
 
@@ -96,11 +101,12 @@ def sheet(store: Store) -> Figure:
     rows, cols = covered(store)
     width = (WIDTH - GAP) / 2
     height = width * (rows.stop - rows.start) / (cols.stop - cols.start)
-    total = 2 * (height + ABOVE + BELOW)
+    drawings = [draw(store, picture_of(store, panel.raster), SIDE) for panel in PANELS]
+    below = max(BAR, *(LINE * (len(shown(drawing.classes)) + 1) for drawing in drawings))
+    total = 2 * (height + ABOVE + below)
     figure = Figure((WIDTH, total), dpi=100, facecolor="white")
-    for number, panel in enumerate(PANELS):
-        drawing = draw(store, picture_of(store, panel.raster), SIDE)
-        left, bottom = number % 2 * (width + GAP), total / 2 * (1 - number // 2) + BELOW
+    for number, (panel, drawing) in enumerate(zip(PANELS, drawings, strict=True)):
+        left, bottom = number % 2 * (width + GAP), total / 2 * (1 - number // 2) + below
         axes = figure.add_axes((left / WIDTH, bottom / total, width / WIDTH, height / total))
         axes.imshow(pixels(drawing)[rows, cols], interpolation="lanczos")
         axes.set_axis_off()
