@@ -21,7 +21,7 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, on_a_line, with_interior
 from orthomill.tasks.orientation.relative.relative_orientation import FLIP
-from orthomill.tasks.orientation.start.pair_joining import LEAST_AGREEING, base_lengths, by_pairs
+from orthomill.tasks.orientation.start.pair_joining import LEAST_AGREEING, base_lengths, by_pairs, spread_lengths
 from orthomill.tasks.orientation.start.point_consensus import LEAST, PointRays, consensus
 
 LEAST_ANGLE = np.radians(1.5)
@@ -253,11 +253,11 @@ class BlockGrowth:
         return True
 
     def _poses(self, photo: int, index: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Rotations and centres of a photograph by its pairs, with every length of the base that a known ray at `index` gives."""
+        """Rotations and centres of a photograph by its pairs, with lengths of the base that known rays at `index` give."""
         names, points = self.material.names, self.state.point[self.rays.point[index]]
         placed = {names[i]: (self.state.rotation[i], self.state.centre[i]) for i in np.flatnonzero(self.placed)}
         for ahead in by_pairs(names[photo], placed, self.material.relative):
-            for length in base_lengths(ahead, points, self._inward(index) @ ahead.rotation):
+            for length in spread_lengths(base_lengths(ahead, points, self._inward(index) @ ahead.rotation)):
                 yield ahead.rotation, ahead.origin + length * ahead.direction
 
     def _agreeing(self, photo: int, pose: tuple[np.ndarray, np.ndarray], index: np.ndarray) -> np.ndarray:

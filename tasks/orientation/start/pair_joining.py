@@ -14,6 +14,9 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 
 LEAST_AGREEING = 3
 """Known points that agree on the length of the base, one of which determines it: two others do not by chance."""
+TRIED = 60
+"""Lengths of the base that are tried of a pair, at most: a photograph that sees a thousand known points would try a thousand, each on
+all of its points, for every pair."""
 
 
 class Ahead(NamedTuple):
@@ -51,3 +54,11 @@ def base_lengths(ahead: Ahead, points: np.ndarray, directions: np.ndarray) -> np
     below = (given**2).sum(axis=1)
     length = (needed * given).sum(axis=1) / np.maximum(below, 1e-12)
     return np.asarray(length[(below > 1e-6) & (length > 0)])
+
+
+def spread_lengths(lengths: np.ndarray) -> np.ndarray:
+    """At most `TRIED` of some lengths (k,), evenly spread over their order: half of the rays have to agree on a length, so half of
+    these stand for it, and trying all would cost the square of the rays."""
+    if len(lengths) <= TRIED:
+        return lengths
+    return np.asarray(np.sort(lengths)[np.linspace(0, len(lengths) - 1, TRIED).round().astype(int)])

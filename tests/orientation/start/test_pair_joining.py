@@ -9,7 +9,7 @@ from orienting import orient
 
 from orthomill.schemas.orientation import RelativeOrientation
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
-from orthomill.tasks.orientation.start.pair_joining import base_lengths, by_pairs
+from orthomill.tasks.orientation.start.pair_joining import TRIED, base_lengths, by_pairs, spread_lengths
 
 
 def poses(rng):
@@ -55,6 +55,15 @@ def test_points_that_say_nothing_of_the_base_are_left_out():
     # The ray comes from a place behind the other photograph.
     behind = left[1] - 20.0 * ahead.direction
     assert not len(base_lengths(ahead, opposite[None], (opposite - behind)[None]))
+
+
+def test_of_many_lengths_those_that_half_of_the_rays_give_are_tried():
+    rng = np.random.default_rng(5)
+    few = rng.uniform(1, 100, TRIED)
+    assert spread_lengths(few) is few
+    many = rng.permutation(np.concatenate([rng.normal(40.0, 0.01, 500), rng.uniform(1, 1000, 500)]))
+    tried = spread_lengths(many)
+    assert len(tried) == TRIED and (np.abs(tried - 40.0) < 0.05).sum() > 0.4 * TRIED
 
 
 def test_pairs_with_photographs_that_are_not_placed_give_nothing():
