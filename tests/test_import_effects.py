@@ -4,6 +4,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy  # noqa: F401  the library that has the threads
+from threadpoolctl import threadpool_info
+
 ROOT = Path(__file__).parents[1]
 OTHERS = ["scipy.ndimage", "rasterio", "pyproj", "zarr", "distributed", "matplotlib", "xarray", "pyarrow", "laspy"]
 OTHERS += ["bokeh.plotting", "trimesh", "typer", "PIL", "jinja2"]
@@ -49,3 +52,9 @@ def test_no_module_changes_opencv_numba_the_environment_or_signals_when_it_is_im
     program = PROGRAM.replace("NAMES", repr(names)).replace("OTHERS", repr(OTHERS))
     done = subprocess.run([sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
+
+
+def test_linear_algebra_of_the_tests_has_one_thread():
+    """With more, which wait for one another, tests of the orientation take ten times as long on a machine that is busy."""
+    pools = [pool for pool in threadpool_info() if pool["user_api"] == "blas"]
+    assert pools and {pool["num_threads"] for pool in pools} == {1}

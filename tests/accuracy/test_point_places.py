@@ -1,5 +1,7 @@
 """Heights and places of surveyed points in products with known errors."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -74,10 +76,15 @@ def test_points_beyond_the_surface_are_told_apart():
 CAMERA = Camera(name="c", width=1200, height=1200, c=1000.0)
 
 
+@cache
+def texture():
+    table = gaussian_filter(np.random.default_rng(5).normal(0, 1, (900, 900)), 3)
+    return (128 + 55 * table / table.std()).clip(1, 255)
+
+
 def ground(x, y):
     """A texture that is the same for whoever asks."""
-    table = gaussian_filter(np.random.default_rng(5).normal(0, 1, (900, 900)), 3)
-    table = (128 + 55 * table / table.std()).clip(1, 255)
+    table = texture()
     col, row = ((np.asarray(x) - 100) * 6).astype(int) % 900, ((220 - np.asarray(y)) * 6).astype(int) % 900
     return table[row, col]
 

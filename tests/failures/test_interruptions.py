@@ -46,17 +46,24 @@ def assert_goes_on_to(undisturbed: dict[str, bytes], site: Path) -> None:
     assert results_of(site) == undisturbed
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_a_stopped_run_says_so_in_one_sentence_and_goes_on(site, undisturbed, how):
-    process = started(site)
-    if how is signal.SIGINT:
-        os.killpg(process.pid, how)  # a terminal sends Ctrl-C to all processes, not only to the first
-    else:
-        process.terminate()
+def assert_stopped_in_one_sentence(process) -> None:
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert errors.endswith("Stopped. Finished jobs are kept; run the same command again to continue.\n")
     assert "Traceback" not in errors and "leaked" not in errors
+
+
+def test_a_stopped_run_says_so_in_one_sentence(site):
+    process = started(site)
+    process.terminate()
+    assert_stopped_in_one_sentence(process)
+    assert jobs_done(site)
+
+
+def test_a_run_stopped_by_ctrl_c_goes_on(site, undisturbed):
+    process = started(site)
+    os.killpg(process.pid, signal.SIGINT)  # a terminal sends Ctrl-C to all processes, not only to the first
+    assert_stopped_in_one_sentence(process)
     assert "not running" in command("status", "site")
     assert "report.html" in command("report", "site")
     assert_goes_on_to(undisturbed, site)
