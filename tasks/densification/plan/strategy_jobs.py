@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from orthomill.schemas.epipolar import EpipolarPair, epipolar_raster
 from orthomill.schemas.job import Job, Raster, Reading, Stream
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.plan.near_model_jobs import MODEL
@@ -42,7 +43,7 @@ def _windows_job(pair: EpipolarPair, strategy: PairStrategy, stage: str) -> Job:
         reads={"left": Stream(tuple(Raster(epipolar_raster(pair.name, "left"), strip) for strip in strips))},
         writes={"windows": windows_table(pair.name)},
         params={"pair": pair, "strategy": strategy},
-        scratch=max(strip.cells for strip in strips) * 64,
+        scratch=max(array_bytes(64, strip) for strip in strips),
     )
 
 

@@ -15,8 +15,8 @@ from orthomill.tasks.geometry.rotation import rotation_matrix
 LEAST_AGREEING = 3
 """Known points that agree on the length of the base, one of which determines it: two others do not by chance."""
 TRIED = 60
-"""Lengths of the base that are tried of a pair, at most: a photograph that sees a thousand known points would try a thousand, each on
-all of its points, for every pair."""
+"""Lengths of the base that are tried of a pair, at most: a photograph that sees a thousand known points would try a thousand, each
+on all of its points, for every pair."""
 
 
 class Ahead(NamedTuple):

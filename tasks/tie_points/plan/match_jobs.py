@@ -87,7 +87,7 @@ def _growing_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: Growi
         reads=reads,
         writes={"matches": matches, "summary": summary},
         params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
-        scratch=60 * sum(height * width for height, width in shapes) + (3 * 4 * 1024 + 16 * DESCRIPTOR) * asked.max_features,
+        scratch=sum(array_bytes(60, shape) for shape in shapes) + array_bytes(3 * 4 * 1024 + 16 * DESCRIPTOR, asked.max_features),
     )
 
 
