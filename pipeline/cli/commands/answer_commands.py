@@ -167,8 +167,9 @@ def _oriented(
     """A block of another program with surveyed points, run to its orientation. Raises WorkflowError."""
     from orthomill.pipeline.cli.lookups.inspected_block import inspection_workflow
     from orthomill.pipeline.cli.progress.project_run import run_project
-    from orthomill.pipeline.engine.running import MIB, Options
+    from orthomill.pipeline.engine.running import Options
     from orthomill.schemas.errors import WorkflowError
+    from orthomill.schemas.memory import MIB
     from orthomill.tasks.catalogue import STAGES
 
     if product is None:

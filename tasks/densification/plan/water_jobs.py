@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.job import AreaFile, Job, Raster, Stream, Table
 from orthomill.schemas.maps.wanted_area import WantedArea
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, tiles_of
 from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT
 from orthomill.tasks.densification.volume.levels import SIDE
@@ -33,5 +34,5 @@ def water_plan(outlines: WantedArea, grid: MapGrid, stage: str) -> Iterator[Job]
         },
         writes={"levels": WATER},
         params={"grid": grid, "windows": windows},
-        scratch=40 * SIDE**2,
+        scratch=array_bytes(40, SIDE, SIDE),
     )
