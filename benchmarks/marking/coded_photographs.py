@@ -23,7 +23,7 @@ import yaml
 import orthomill
 from benchmarks.instrument.result_page import write_page
 from orthomill.schemas.observations import CONTROL
-from orthomill.tasks.geometry.view import View, view_of
+from orthomill.tasks.geometry.view import View, block_view
 
 SIDE = 30.0
 """m of a plate with its white border: 46 px of these photographs"""
@@ -41,7 +41,7 @@ def main(words: list[str]) -> None:
     """Keeps the page."""
     source = Path(words[0]) if words else Path("runs/volos_small")
     finished = orthomill.open(source)
-    views = [view_of(one, finished.cameras[finished.block.camera_of[one.photo]]) for one in finished.block.photos]
+    views = [block_view(finished.block, name) for name in finished.block.names]
     places = plates(views, source / "products" / "dsm.tif")
     with tempfile.TemporaryDirectory(prefix="coded-") as folder:
         root = Path(folder)
@@ -99,8 +99,10 @@ def with_plates(pixels: np.ndarray, view: View, places: np.ndarray) -> np.ndarra
         drawn = np.kron(code, np.ones((40, 40), np.uint8)).astype(np.float32)
         edge = drawn.shape[0]
         low, high = np.floor(corners.min(axis=0)).astype(int) - 3, np.ceil(corners.max(axis=0)).astype(int) + 4
-        fine = ((corners - low + 0.5) * FINER).astype(np.float32)
-        to_fine = cv2.getPerspectiveTransform(np.array([[0, 0], [edge, 0], [edge, edge], [0, edge]], np.float32), fine)
+        # Corners of pixels, where OpenCV counts from centres.
+        fine = ((corners - low + 0.5) * FINER - 0.5).astype(np.float32)
+        square = np.array([[0, 0], [edge, 0], [edge, edge], [0, edge]], np.float32) - 0.5
+        to_fine = cv2.getPerspectiveTransform(square, fine)
         size = tuple(int(n) * FINER for n in high - low)
         plate = cv2.warpPerspective(drawn, to_fine, size, flags=cv2.INTER_AREA)
         there = cv2.warpPerspective(np.ones_like(drawn), to_fine, size, flags=cv2.INTER_AREA)
