@@ -9,4 +9,6 @@ export NUMBA_CACHE_DIR="${NUMBA_CACHE_DIR:-/tmp/orthomill-kernels}"
 if [ ! -d "$NUMBA_CACHE_DIR" ] && [ -d /opt/orthomill/kernels ]; then
     cp -r --preserve=timestamps /opt/orthomill/kernels "$NUMBA_CACHE_DIR"
 fi
+# Pods of a cluster start its scheduler and its workers with the same kernels.
+if [ "${1:-}" = dask ]; then exec "$@"; fi
 exec orthomill "$@"

@@ -18,7 +18,7 @@ DICTIONARIES = {
 }
 LEAST_SIDE = 10.0
 """px: sides of smaller squares show no bits"""
-CENTRE_SIGMA = 0.05
+CENTRE_SIGMA = 0.06
 """px: standard error of a centre by the lines of the border (benchmarks/results/drawn_targets.md)"""
 FINER = 2
 """Times finer than the photograph is the part in which corners are measured."""

@@ -28,6 +28,9 @@ def serve(
     s3: Annotated[
         list[str] | None, typer.Option(help="Prefix of an object store that tasks may read and write below (s3://bucket/prefix).")
     ] = None,
+    scheduler: Annotated[
+        str, typer.Option(help="Dask scheduler whose workers do the jobs; they see FOLDER by the same path (tcp://10.0.0.5:8786).")
+    ] = "",
     debug: Debug = False,
 ) -> None:
     """Serve as an engine of WebODM and other clients of NodeODM: uploads, a queue that survives, results, and a page of its own."""
@@ -48,7 +51,9 @@ def serve(
             key=key,
             webhooks=webhooks,
             prefixes=tuple(s3 or ()),
-            rules=QueueRules(parallel=tasks, memory=memory, keep_days=keep_days, reserve=reserve, most_bytes=most),
+            rules=QueueRules(
+                parallel=tasks, memory=memory, keep_days=keep_days, reserve=reserve, most_bytes=most, scheduler=scheduler
+            ),
             limits=UploadLimits(int(file_gigabytes * 1e9), most, reserve=reserve),
         )
         serve_node(settings, STAGES, lambda line: err.print(line, soft_wrap=True, markup=False))

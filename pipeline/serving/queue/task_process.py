@@ -46,6 +46,8 @@ class TaskOrder(BaseModel):
     most_bytes: int = 500 * GIB
     reserve: int = 2 * GIB
     paper: bool = False
+    scheduler: str = ""
+    """address of a Dask scheduler whose workers see the folder; "": processes of this machine"""
 
 
 class _Stopped(Exception):
@@ -117,8 +119,10 @@ def read_wishes(folder: TaskFolder) -> Wishes:
 
 
 def _run_words(order: TaskOrder, wishes: Wishes) -> list[str]:
-    processes = min(wishes.processes or order.processes, order.processes or wishes.processes)
     again = ["--from", wishes.rerun_from] if wishes.rerun_from else []
+    if order.scheduler:
+        return ["run", PROJECT, "--json", "--scheduler", order.scheduler, *again]
+    processes = min(wishes.processes or order.processes, order.processes or wishes.processes)
     return ["run", PROJECT, "--json", "--workers", str(processes), "--memory", str(order.memory), *again]
 
 

@@ -52,6 +52,8 @@ class QueueRules:
     """bytes of the disk that are left free: nothing is taken or begun beyond"""
     paper: bool = True
     """whether reports are printed as PDF where the machine has a browser"""
+    scheduler: str = ""
+    """address of a Dask scheduler whose workers see the tasks' folders; "": tasks use the cores of this machine"""
     engine: tuple[str, ...] = ENGINE
 
     @property
@@ -273,6 +275,7 @@ class TaskQueue:
             most_bytes=rules.most_bytes,
             reserve=rules.reserve,
             paper=rules.paper,
+            scheduler=rules.scheduler,
         )
         program = [ENGINE[0], "-m", "orthomill.pipeline.serving.queue.task_process", order.model_dump_json()]
         with open(folder.path / "process.log", "ab") as log:

@@ -11,10 +11,14 @@ import yaml
 from typer.main import get_command
 
 from orthomill.pipeline.cli.commands.application import app
+from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words
+from orthomill.pipeline.serving.queue.wishes import Wishes
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 DOCKERFILE = (DEPLOY / "Dockerfile").read_text()
 CHART = (DEPLOY / "helm/orthomill/templates/node.yaml").read_text()
+CLUSTER = (DEPLOY / "helm/orthomill/templates/cluster.yaml").read_text()
+SYSTEMS = DEPLOY.parent / ".github/workflows/systems.yml"
 
 
 def test_the_options_of_image_and_chart_are_those_of_the_command():
@@ -22,7 +26,7 @@ def test_the_options_of_image_and_chart_are_those_of_the_command():
     known = {option for parameter in serve.params for option in parameter.opts + parameter.secondary_opts}
     words = json.loads(re.findall(r"^CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)[-1])
     asked = [word.split("=")[0] for word in [*words, *re.findall(r"- (--[a-z0-9-]+)", CHART)] if word.startswith("--")]
-    assert words[0] == "serve" and {"--tasks", "--memory", "--keep-days", "--s3", "--host"} == set(asked) <= known
+    assert words[0] == "serve" and {"--tasks", "--memory", "--keep-days", "--s3", "--host", "--scheduler"} == set(asked) <= known
 
 
 def test_nothing_runs_as_root_or_writes_where_it_must_not():
@@ -36,11 +40,45 @@ def test_what_an_image_copies_and_a_chart_asks_for_is_there():
     assert (DEPLOY / "entry.sh").stat().st_mode & 0o111 and "deploy/entry.sh" in DOCKERFILE
     subprocess.run(["sh", "-n", str(DEPLOY / "entry.sh")], check=True)
     values = yaml.safe_load((DEPLOY / "helm/orthomill/values.yaml").read_text())
-    for path in set(re.findall(r"\.Values\.([A-Za-z.]+)", CHART)):
+    for path in set(re.findall(r"\.Values\.([A-Za-z.]+)", CHART + CLUSTER)):
         found = values
         for name in path.split("."):
             assert name in found, path
             found = found[name]
+
+
+def rendered(template: str) -> list[dict]:
+    """A template with every switch on, plainly: words for values, mappings for what is YAML already."""
+    text = re.sub(r"^\s*\{\{-? ?(if|end|range|else).*?\}\}\n", "", template, flags=re.MULTILINE)
+    text = re.sub(r"\{\{ if .*? \}\}(\w+)\{\{ else \}\}\w+\{\{ end \}\}", r"\1", text)
+    text = re.sub(r"\{\{-? toYaml.*?\}\}", " {}", text)
+    return [one for one in yaml.safe_load_all(re.sub(r"\{\{.*?\}\}", "word", text)) if one]
+
+
+def test_scheduler_and_workers_have_pods_of_their_own_that_the_node_reaches():
+    pods = {one["metadata"]["name"]: one["spec"] for one in rendered(CLUSTER) if one["kind"] == "Deployment"}
+    assert set(pods) == {"word-scheduler", "word-worker"}
+    for spec in pods.values():
+        assert spec["selector"]["matchLabels"] == spec["template"]["metadata"]["labels"]
+        (container,) = spec["template"]["spec"]["containers"]
+        assert container["args"][0] == "dask" and container["securityContext"]["readOnlyRootFilesystem"]
+        assert spec["template"]["spec"]["securityContext"]["runAsNonRoot"]
+    mounts = pods["word-worker"]["template"]["spec"]["containers"][0]["volumeMounts"]
+    assert mounts[0] == {"name": "data", "mountPath": "/data"} and "/data/served" in CHART
+    assert "tcp://{{ .Release.Name }}-scheduler:8786" in CHART and 'if [ "${1:-}" = dask ]' in (DEPLOY / "entry.sh").read_text()
+
+
+def test_a_task_of_a_node_with_a_cluster_runs_there():
+    order = TaskOrder(folder=Path("task"), processes=4, scheduler="tcp://10.0.0.5:8786")
+    words = _run_words(order, Wishes())
+    assert words[words.index("--scheduler") + 1] == "tcp://10.0.0.5:8786" and "--workers" not in words
+    assert "--workers" in _run_words(order.model_copy(update={"scheduler": ""}), Wishes())
+
+
+def test_the_fast_tests_run_on_three_systems():
+    jobs = yaml.safe_load(SYSTEMS.read_text())["jobs"]
+    assert {job["runs-on"].split("-")[0] for job in jobs.values()} == {"ubuntu", "macos", "windows"}
+    assert all(any("not slow" in step.get("run", "") for step in job["steps"]) for job in jobs.values())
 
 
 @pytest.mark.skipif(shutil.which("hadolint") is None, reason="no hadolint here")
