@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.memory import array_bytes
+from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import Tile, Window, tiles_of
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeLevel, VolumeScene, coarser_window, level_grid
@@ -41,6 +41,9 @@ from orthomill.tasks.visibility.height_model import HeightModel, Targets, visibl
 
 HIDING = 4.0
 """Heights of a level by which something must stand above the ray to a photograph to hide the cell from it."""
+
+MOST_MEMORY = 1200 * MIB
+"""of a tile with its photographs, so that a worker of two gigabytes solves it"""
 
 _OUTSIDE = -1e6
 """px; places behind a camera are outside its frame by this, a number that can be interpolated"""
@@ -77,24 +80,24 @@ def volume_tiles(level: VolumeLevel, scene: VolumeScene) -> tuple[VolumeTile, ..
 def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
     work = tile.window.grown(HALO).clipped(level.grid.shape)
     parts = [_part(view, level, work, scene) for view in _chosen(level, work, scene)]
-    used = tuple(part for part in parts if not part.window.empty)
+    used = [part for part in parts if not part.window.empty]
     coarsest = level.number == scene.levels[0].number
     coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
     terrain = places_around(work, 2**level.number, terrain_grid(scene.surface.grid).shape)
-    return VolumeTile(
-        level=level,
-        row=tile.row,
-        col=tile.col,
-        window=tile.window,
-        work=work,
-        photos=used if len(used) >= 2 else (),
-        coarser=coarser,
-        places=terrain,
+    found = VolumeTile(
+        level=level, row=tile.row, col=tile.col, window=tile.window, work=work, photos=(), coarser=coarser, places=terrain
+    )
+    # Photographs that look along the ground show a deep tile in very many pixels: those that are needed least stay out of it.
+    while len(used) > 2 and _working_memory(replace(found, photos=tuple(used)), scene) > MOST_MEMORY:
+        used.pop()
+    return (
+        found if len(used) < 2 else replace(found, photos=tuple(sorted(used, key=lambda part: scene.block.names.index(part.name))))
     )
 
 
 def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
-    """The photographs that are preferred at any place of a tile, at the lowest or the highest ground of the block."""
+    """The photographs that are preferred at any place of a tile, at the lowest or the highest ground of the block, most places
+    first."""
     x, y = places(level.grid, work)
     views = [
         view for view, bounds in zip(scene.views, scene.bounds, strict=True) if _overlap(bounds, x, y, level.grid.cell * PLACE)
@@ -104,7 +107,8 @@ def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
     heights = [scene.block.ground_low, scene.block.ground_high]
     points = np.stack(np.meshgrid(x, y, heights), axis=-1).reshape(-1, 3)
     numbers = preferred(sight(views, points, 0.75 * PLACE * level.grid.cell), scene.settings.photographs)
-    return [views[i] for i in np.unique(numbers[numbers >= 0])]
+    needed = np.bincount(numbers[numbers >= 0], minlength=len(views))
+    return [views[i] for i in np.argsort(-needed, kind="stable") if needed[i]]
 
 
 def _overlap(bounds: tuple[float, float, float, float], x: np.ndarray, y: np.ndarray, spare: float) -> bool:
@@ -290,6 +294,11 @@ def _solved(tile: VolumeTile, cells: OptimisedCells, height: np.ndarray, setting
 
 def _nothing(shape: tuple[int, int]) -> SolvedVolume:
     return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Band)), np.uint8))
+
+
+def _working_memory(tile: VolumeTile, scene: VolumeScene) -> int:
+    """Bytes of `solve_volume` and of the pixels that it is given."""
+    return tile_scratch(tile, scene) + sum(array_bytes(3, part.window) for part in tile.photos)
 
 
 def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:

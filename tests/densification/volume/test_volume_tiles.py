@@ -15,6 +15,7 @@ from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import Window
 from orthomill.tasks.densification.plan.volume_jobs import volume_height, volume_plan, volume_quality
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
+from orthomill.tasks.densification.volume import volume_tile
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, STRETCH_UNIT, Band
@@ -159,6 +160,18 @@ def test_memory_follows_candidates_and_photographs():
     assert 0 < tile_scratch(tile, few) < tile_scratch(other, many)
     wide = scene(settings=HeightVolume(widest=32, mean_heights=256))
     assert tile_scratch(volume_tiles(wide.levels[-1], wide)[0], wide) > tile_scratch(other, many)
+
+
+def test_a_tile_that_would_not_fit_a_worker_leaves_out_the_photographs_it_needs_least(monkeypatch):
+    """A deep tile and photographs along the ground asked for more than a worker has, and the run was refused."""
+    many = scene("abcd")
+    whole = volume_tiles(many.levels[-1], many)[0]
+    monkeypatch.setattr(volume_tile, "MOST_MEMORY", volume_tile._working_memory(whole, many) - 1)
+    fewer = volume_tiles(many.levels[-1], many)[0]
+    assert len(fewer.photos) == len(whole.photos) - 1 and tile_scratch(fewer, many) < tile_scratch(whole, many)
+    assert [part for part in whole.photos if part in fewer.photos] == list(fewer.photos), "in the order of the block"
+    monkeypatch.setattr(volume_tile, "MOST_MEMORY", 0)
+    assert len(volume_tiles(many.levels[-1], many)[0].photos) == 2
 
 
 def test_a_large_tile_reads_more_photographs_than_a_place_compares():
