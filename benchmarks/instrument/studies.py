@@ -201,6 +201,15 @@ _ALL = (
         "[FOLDER] [--surface]",
     ),
     Study(
+        "circumstances",
+        "orientation.circumstances.circumstances",
+        "inputs that contradict themselves, several of each kind: right, named first, or silent",
+        "an hour",
+        BLOCK,
+        SHARED,
+        "[FOLDER] [only=KIND]",
+    ),
+    Study(
         "scan_registration",
         "orientation.scan_registration",
         "joint registration of simulated scans: precision that is true",

@@ -7,7 +7,7 @@ from orthomill.pipeline.forecast.forecast import Forecast, block_forecast
 from orthomill.pipeline.forecast.rates import rates_here
 from orthomill.pipeline.workflow.starting_workflow import Look
 from orthomill.pipeline.workflow.workflow_checks import kind_of
-from orthomill.schemas.findings.flight_findings import FirstLook
+from orthomill.schemas.findings.flight_findings import FirstLook, PositionsBeside
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import Stage
@@ -16,8 +16,8 @@ from orthomill.schemas.stage_contract import Stage
 def outlook(look_ahead: Look, stages: tuple[type[Stage], ...], root: Path) -> Look:
     """The look at photographs that tells, besides, what a run on this machine takes."""
 
-    def look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
-        seen = look_ahead(headers, crs)
+    def look(headers: tuple[Header, ...], crs: str | None, beside: PositionsBeside | None) -> FirstLook:
+        seen = look_ahead(headers, crs, beside)
         used = set(seen.used)
         megapixels = sum(header.width * header.height for header in headers if header.path in used) / 1e6
         kinds = [kind_of(stage) for stage in stages if stage.for_own_photographs]

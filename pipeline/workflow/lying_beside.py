@@ -49,6 +49,7 @@ class Beside:
     unknown_system: bool = False
     positions: str | None = None
     positions_format: str = ""
+    positions_text: str = field(default="", repr=False)
     site: tuple[float, float] | None = None
     camera: str | None = None
     unused: tuple[str, ...] = field(default=())
@@ -88,6 +89,7 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]], photograp
         unknown_system=control.gcp_list is not None and control.system is not None and crs is None,
         positions=positions[0] if positions else None,
         positions_format=positions[1].format if positions else "",
+        positions_text=next((one.text for one in texts if positions and one.path == positions[0]), ""),
         site=positions[1].site if positions else None,
         camera=_camera(places, root, sizes),
         unused=tuple(unused),

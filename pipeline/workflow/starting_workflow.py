@@ -21,7 +21,7 @@ from orthomill.pipeline.workflow.photograph_survey import Survey, survey_photogr
 from orthomill.pipeline.workflow.workflow_checks import kind_of, unfit_map
 from orthomill.pipeline.workflow.workflow_text import default_text, flow
 from orthomill.schemas.errors import StoreError, WorkflowError
-from orthomill.schemas.findings.flight_findings import FirstLook
+from orthomill.schemas.findings.flight_findings import FirstLook, PositionsBeside
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import ANY_CRS, PhotoFolder, Project
 from orthomill.schemas.stage_contract import Stage
@@ -35,8 +35,8 @@ _WIDTH = 120
 _ELLIPSOIDAL = "+4979"
 """what makes heights above the ellipsoid part of a system on WGS 84, as PROJ reads it"""
 
-Look = Callable[[tuple[Header, ...], str | None], FirstLook]
-"""From the headers of all photographs and the CRS, if any, to what is found in them."""
+Look = Callable[[tuple[Header, ...], str | None, PositionsBeside | None], FirstLook]
+"""From the headers of all photographs, the CRS and the positions file beside them, if any, to what is found in them."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def _asks(stage: type[Stage]) -> bool:
     return any(field.is_required() for field in stage.model_fields.values())
 
 
-def only_photographs(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
+def only_photographs(headers: tuple[Header, ...], crs: str | None, beside: PositionsBeside | None = None) -> FirstLook:
     """A look that finds nothing and sets aside what is no photograph."""
     return FirstLook(findings=(), used=tuple(header.path for header in headers if not header.unusable))
 
@@ -95,11 +95,14 @@ def unfit_crs(crs: str, survey: Survey) -> str:
 
 
 def _seen(look: Look, survey: Survey, crs: str | None) -> FirstLook:
-    """The look at the headers. Expected errors are those of tags alone: not said where files beside the photographs are used."""
-    seen, beside = look(survey.headers, crs or survey.beside.projected or survey.utm), survey.beside
-    if not (beside.control or beside.positions or beside.camera):
+    """The look at the headers. Expected errors are those of the positions and of tags: not said where control or a camera beside
+    the photographs are used."""
+    beside = survey.beside
+    positions = PositionsBeside(path=beside.positions, text=beside.positions_text) if beside.positions else None
+    seen = look(survey.headers, crs or beside.projected or survey.utm, positions)
+    if not (beside.control or beside.camera):
         return seen
-    unknown = "Expected accuracy: not foreseen from tags, for the files beside the photographs are used; the run states it."
+    unknown = "Expected accuracy: not foreseen, for control or a camera beside the photographs is used; the run states it."
     told = {"bend": None, "accuracy": unknown if seen.expected.accuracy else None}
     return seen.model_copy(update={"expected": seen.expected.model_copy(update=told)})
 

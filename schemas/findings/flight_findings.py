@@ -22,6 +22,15 @@ class ExpectedFlight(BaseModel):
         return tuple(line for line in (self.pattern, self.bend, self.accuracy, self.effort) if line)
 
 
+class PositionsBeside(BaseModel):
+    """A positions file that lies beside photographs: its path in the project, and its text."""
+
+    model_config = ConfigDict(frozen=True)
+
+    path: str
+    text: str
+
+
 class FirstLook(BaseModel):
     """Findings in photographs, one sentence each; which of them make the block, as paths; what to expect of it."""
 

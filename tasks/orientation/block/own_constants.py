@@ -66,3 +66,8 @@ def own_constant_findings(own: OwnConstant, before: Cameras, constants: dict[str
         mine, others = constants[after.of_photo[photos[0]]], constants.get(camera, before.cameras[camera].c)
         found.append(ConstantOfItsOwn(photos=photos, camera=camera, c_px=mine, others_px=others))
     return tuple(found)
+
+
+def apart(found: tuple[ConstantOfItsOwn, ...]) -> bool:
+    """Whether constants came out as two: those that came out alike are of one camera, at two heights."""
+    return all(abs(one.c_px / one.others_px - 1.0) > SMALLEST for one in found)

@@ -2,7 +2,8 @@
 
 Nothing in a list says which pixels are meant. But where measurements lie outside of the photographs, and all of them inside of what
 the tags say that the camera wrote, they are those of the originals: wrong lines are few, and lie anywhere. Where no tag tells the
-originals, a plain factor that puts all measurements inside, and some near the border, is the one by which they were reduced.
+originals, or the measurements fill only a part of these (photographs that were reduced twice), a plain factor that puts all of them
+inside, and some near the border, is the one by which they were reduced.
 """
 
 from collections.abc import Callable
@@ -37,13 +38,12 @@ def read_in_frame(
     try:
         return read(photos), photos, ()
     except WorkflowError as refused:
-        before = _originals(photos)
-        if before is None:
-            divided = _reduced(photos, read, control_of)
-            if divided is None:
-                raise
+        before, divided = _originals(photos), _reduced(photos, read, control_of)
+        if divided is not None and (before is None or divided[2] < FILLED * _least_reduction(photos)):
             found, frame, factor = divided
             return found, frame, (_about_factor(control_of(found), photos, factor),)
+        if before is None:
+            raise
         # A mistake that the originals do not explain is one of the text, and was told already.
         try:
             found = read(before)
@@ -60,6 +60,11 @@ def _originals(photos: Photos) -> Photos | None:
     if all(photo.original is None for photo in photos.photos):
         return None
     return photos.model_copy(update={"photos": tuple(map(_original, photos.photos))})
+
+
+def _least_reduction(photos: Photos) -> float:
+    """By which factor the photographs that were reduced least are smaller than what the camera wrote."""
+    return min(photo.original[0] / photo.width for photo in photos.photos if photo.original is not None)
 
 
 def _original(photo: Photo) -> Photo:

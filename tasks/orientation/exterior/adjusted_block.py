@@ -40,7 +40,7 @@ from orthomill.tasks.orientation.block.correlated_image_errors import including_
 from orthomill.tasks.orientation.block.frame_motion import frame_motion
 from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
 from orthomill.tasks.orientation.block.image_scales import shown_constants
-from orthomill.tasks.orientation.block.own_constants import OwnConstant, own_constant_findings, refined, with_own_constant
+from orthomill.tasks.orientation.block.own_constants import OwnConstant, apart, own_constant_findings, refined, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
 from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
@@ -249,10 +249,13 @@ def _with_own_constants(
         if second is None:
             continue
         better = explains_clearly_more(second.results, first.results)
-        seen = own.photos in {one.photos for one in shown}
+        # Without positions another flying height shows the ground as large.
+        seen = own.photos in {one.photos for one in shown} and bool(first.results.problem.known.positioned.any())
         if better or (seen and not explains_clearly_more(first.results, second.results)):
             problem, values = second.results.problem, second.results.result.state.interior[:, 0]
             told = own_constant_findings(own, cameras, dict(zip(problem.camera_names, map(float, values), strict=True)))
+            if not apart(told):
+                continue
             return replace(second, results=replace(second.results, findings=(*told, *second.results.findings)))
     return first
 

@@ -39,7 +39,8 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
     points = [] if results.datum.free else contradicting_points(results)
     distances = contradicting_distances(results)
-    shape, bends = shape_precision(results), tuple(bent_block(results))
+    shape = shape_precision(results)
+    bends = tuple(bent_block(results, shape.bend if shape else None))
     arms = tuple(_lever_arms(problem, result))
     return BlockPrecision(
         image_factor=factors.image,

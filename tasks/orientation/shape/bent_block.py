@@ -21,8 +21,13 @@ BENT_PIXELS = 5.0
 """Pixels on the ground from which on a bend puts results in doubt: what tie points and models of lenses leave is less."""
 
 
-def bent_block(results: BlockResults) -> Iterator[BlockBent]:
-    """Whether heights bend over the block, by its positions, or its photographs turn with it, by their attitudes."""
+OPEN = 3.0
+"""Standard errors of a bend by the photographs themselves within which they do not tell it from none."""
+
+
+def bent_block(results: BlockResults, stated: float | None = None) -> Iterator[BlockBent]:
+    """Whether heights bend over the block, by its positions, or its photographs turn with it, by their attitudes; `stated`: the
+    standard error of a bend of the block, m (None: not known)."""
     heights, views = _heights(results), _views(results)
     by_heights = heights is not None and heights.is_bent
     by_views = views is not None and abs(views.ratio) > VIEWS_DIVERGE and abs(views.degrees) > LEAST_DEGREES
@@ -39,6 +44,7 @@ def bent_block(results: BlockResults) -> Iterator[BlockBent]:
         grave=abs(bend) > BENT_PIXELS * pixel,
         sure=by_views or (heights is not None and abs(heights.ratio) > CERTAIN),
         in_metres=not results.datum.free,
+        open_m=stated if stated is not None and not by_views and abs(bend) < OPEN * stated else None,
     )
 
 

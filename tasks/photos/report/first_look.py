@@ -5,12 +5,13 @@ Everything is said of the photographs as the stage will use them, so that `init`
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import chain
 
-from orthomill.schemas.errors import some_of
-from orthomill.schemas.findings.flight_findings import FirstLook
+from orthomill.schemas.errors import WorkflowError, some_of
+from orthomill.schemas.findings.flight_findings import FirstLook, PositionsBeside
 from orthomill.schemas.photo import Header, Photo, PhotoRemarkCode, Photos
-from orthomill.schemas.project import ANY_CRS, NoPositions, PositionsFromExif
+from orthomill.schemas.project import ANY_CRS, NoPositions, Positions, PositionsFromExif, PositionsFromFile
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report.photos_report import remark_sentence
 from orthomill.tasks.photos.rolling_shutter import rolling_shutter_sentences
@@ -33,13 +34,14 @@ _SAID = (PhotoRemarkCode.OWN_PRECISION, PhotoRemarkCode.FACTORY_CAMERA)
 """remarks that say less than the lines of cameras and positions here"""
 
 
-def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
-    """The findings in photographs. Without a CRS nothing is placed. Raises OrthomillError for photographs that no run can use."""
-    positions = PositionsFromExif(kind="exif") if crs else NoPositions(kind="none")
-    photos = index_photos(headers, crs or ANY_CRS, positions, Limits(float("inf"))).photos
+def first_look(headers: tuple[Header, ...], crs: str | None, beside: PositionsBeside | None = None) -> FirstLook:
+    """The findings in photographs and in the positions `beside` them. Without a CRS nothing is placed. Raises OrthomillError for
+    photographs that no run can use."""
+    photos = _placed_photos(headers, crs, beside)
+    told = _listed(photos, beside) if beside and photos.positions_read else _positions(photos)
     findings = chain(
         _cameras(photos),
-        _positions(photos),
+        told,
         _heights(photos),
         (remark_sentence(remark) for remark in photos.remarks if remark.code not in _SAID),
         rolling_shutter_sentences(photos.photos),
@@ -51,6 +53,28 @@ def first_look(headers: tuple[Header, ...], crs: str | None) -> FirstLook:
         band=next(bands, None),
         ellipsoidal=_ellipsoidal(photos),
     )
+
+
+def _placed_photos(headers: tuple[Header, ...], crs: str | None, beside: PositionsBeside | None) -> Photos:
+    limits = Limits(float("inf"))
+    if crs and beside:
+        # A file that cannot be used is refused by the run, whose workflow names it: the tags are looked at meanwhile.
+        with suppress(WorkflowError):
+            return index_photos(headers, crs, PositionsFromFile(kind="file", path=beside.path), limits, beside.text).photos
+    positions: Positions = PositionsFromExif(kind="exif") if crs else NoPositions(kind="none")
+    return index_photos(headers, crs or ANY_CRS, positions, limits).photos
+
+
+def _listed(photos: Photos, beside: PositionsBeside) -> Iterator[str]:
+    """What the file of positions says."""
+    placed = [photo for photo in photos.photos if photo.position is not None]
+    fixes = Counter(photo.fix for photo in placed if photo.fix)
+    said = [f"{number} {_FIX[fix]}" for fix, number in fixes.most_common()]
+    sigmas = [photo.position_sigma for photo in placed if photo.position_sigma]
+    known = f"standard errors {_span([max(s[:2]) for s in sigmas])} m in plan, {_span([s[2] for s in sigmas])} m in height"
+    assumed = photos.positions_read is not None and photos.positions_read.defaults is not None
+    words = "; ".join([*([", ".join(said)] if said else []), known + " (assumed, for the file states none)" * assumed])
+    yield f"Positions: in {beside.path}, of {len(placed)} of {len(photos.photos)}; {words}."
 
 
 def _ellipsoidal(photos: Photos) -> bool:

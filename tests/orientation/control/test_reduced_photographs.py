@@ -3,7 +3,7 @@
 import pytest
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.control_findings import MeasurementsOfOriginals
+from orthomill.schemas.findings.control_findings import MeasurementsOfOriginals, MeasurementsReduced
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
@@ -37,6 +37,16 @@ def test_pixels_of_the_originals_become_those_of_the_photographs():
     assert finding == MeasurementsOfOriginals(measurements=2, outside=2, original=(4000, 3000), reduced=(1000, 750))
     said = finding.sentence
     assert "2 of 2 control measurements" in said and "4000 x 3000 to 1000 x 750 px" in said and not finding.grave
+
+
+def test_marks_of_photographs_that_were_reduced_twice_are_those_of_the_larger_copies():
+    """They reach half of the frame that the camera wrote, and nearly all of one twice as large as the photographs."""
+    corners = [(1980, 1480), (1500, 900), (30, 40), (700, 1400), (1900, 100), (1000, 750)]
+    lines = [f"{500000 + 40 * i} 4000000 100 {col} {row} {'ab'[i % 2]}.jpg p{i}" for i, (col, row) in enumerate(corners)]
+    found = read(listed(*lines), photographs())
+    assert found.points[0].measurements["a"][:2] == pytest.approx((989.75, 739.75), abs=0.01)
+    factors = [finding.factor for finding in found.findings if isinstance(finding, MeasurementsReduced)]
+    assert factors == [2.0] and not any(isinstance(finding, MeasurementsOfOriginals) for finding in found.findings)
 
 
 def test_tables_are_read_in_the_same_frame():

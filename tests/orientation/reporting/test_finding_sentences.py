@@ -47,6 +47,10 @@ SPOKEN = [
         ["scatter by only 0.14 m", "the camera is wrong, or heights of a barometer"],
     ),
     (
+        f.BlockBent(bend_m=-0.89, extent_m=87.0, pixels=24.5, scatter_m=0.137, views_deg=None, grave=True, sure=False, open_m=0.4),
+        ["leave it open (standard error 0.4 m)", "positions > sigma_height: 0.14)"],
+    ),
+    (
         f.BlockBent(bend_m=1.2, extent_m=90.0, pixels=31.0, scatter_m=None, views_deg=2.0, grave=True, in_metres=False),
         ["The block bends by 31 pixels on the ground (a bowl) against the attitudes"],
     ),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from orthomill.pipeline.storage.image_files import read_header
+from orthomill.schemas.findings.flight_findings import PositionsBeside
 from orthomill.schemas.photo import Header, PhotoRemarkCode, Photos
 from orthomill.schemas.project import PositionsFromExif
 from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_from_exif
@@ -150,3 +151,19 @@ def test_the_first_look_says_nothing_twice():
     )
     (told,) = (line for line in header_warnings(block(*headers), "exif", "exif") if "cameras" in line.lower())
     assert told.startswith("Cameras of one model have different serial numbers")
+
+
+def test_a_first_look_tells_of_the_positions_of_a_file():
+    headers = tuple(header(f"DJI_{n}", float(n)) for n in range(3))
+    rows = "".join(f"DJI_{n},{500000 + 20 * n},4983000,250,0.02,0.02,0.04\n" for n in range(3))
+    text = "photo,x,y,z,sigma_x,sigma_y,sigma_z\n" + rows
+    told = " ".join(first_look(headers, "EPSG:32632", PositionsBeside(path="rtk.csv", text=text)).findings)
+    assert (
+        "in rtk.csv, of 3 of 3; standard errors 0.02 m in plan, 0.04 m in height." in told and "Positions: in the tags" not in told
+    )
+    assumed = "photo,x,y,z\n" + "".join(",".join(row.split(",")[:4]) + "\n" for row in rows.splitlines())
+    told = " ".join(first_look(headers, "EPSG:32632", PositionsBeside(path="rtk.csv", text=assumed)).findings)
+    assert "3 m in plan, 5 m in height (assumed, for the file states none)" in told
+    # What the run refuses, it refuses itself.
+    told = " ".join(first_look(headers, "EPSG:32632", PositionsBeside(path="rtk.csv", text="nothing")).findings)
+    assert "in the tags of 3 of 3" in told

@@ -20,7 +20,7 @@ def root(tmp_path):
     return tmp_path
 
 
-def look(headers, crs):
+def look(headers, crs, beside=None):
     assert crs == "EPSG:32634"
     return FirstLook(findings=("Camera: one.",), used=tuple(header.path for header in headers), expected=EXPECTED)
 
@@ -39,5 +39,18 @@ def test_errors_of_tags_are_not_stated_where_control_is_used(root):
     assert expected.bend is None and expected.pattern == EXPECTED.pattern
     assert (
         expected.accuracy
-        == "Expected accuracy: not foreseen from tags, for the files beside the photographs are used; the run states it."
+        == "Expected accuracy: not foreseen, for control or a camera beside the photographs is used; the run states it."
     )
+
+
+def test_positions_beside_the_photographs_are_what_is_looked_at(root):
+    text = "photo,x,y,z\n" + "".join(f"DJI_{n}.JPG,{407000 + 20 * n},4357000,120\n" for n in range(3))
+    (root / "photos" / "positions.csv").write_text(text)
+    seen = []
+
+    def looked(headers, crs, beside=None):
+        seen.append((beside.path, beside.text))
+        return look(headers, crs)
+
+    start = write_starting_workflow("site", root / "photos", root, CATALOGUE, look=looked)
+    assert seen == [("photos/positions.csv", text)] and start.look.expected == EXPECTED

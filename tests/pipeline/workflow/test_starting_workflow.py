@@ -49,7 +49,7 @@ def test_a_crs_that_is_given_is_taken(root):
 
 
 def test_heights_above_the_ellipsoid_are_part_of_the_system(root):
-    def look(headers, crs):
+    def look(headers, crs, beside=None):
         return FirstLook(findings=(), used=tuple(header.path for header in headers), ellipsoidal=True)
 
     start = write_starting_workflow("site", root / "photos", root, CATALOGUE, look=look)
@@ -63,7 +63,7 @@ def test_heights_above_the_ellipsoid_are_part_of_the_system(root):
 
 
 def test_the_band_that_was_chosen_is_written(root):
-    def look(headers, crs):
+    def look(headers, crs, beside=None):
         return FirstLook(findings=(), used=tuple(header.path for header in headers), band="Green")
 
     start = write_starting_workflow("site", root / "photos", root, CATALOGUE, look=look)

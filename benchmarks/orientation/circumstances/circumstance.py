@@ -1,0 +1,71 @@
+"""A circumstance: photographs that are altered in one way, and what has to be said of it, or what has to come out."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.measured_run import orthomill
+from benchmarks.orientation.circumstances.altered_photographs import Altered, Flown
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.errors import OrthomillError
+from orthomill.schemas.orientation import BLOCK, Block
+
+DOUBTFUL = re.compile(r"^doubtful (.*)$", re.MULTILINE)
+"""a sentence of the terminal about what puts every result in doubt"""
+
+
+@dataclass(frozen=True)
+class Circumstance:
+    """One input: its `kind` and what is altered (`what`); the words of a sentence that `init` says (None: none is needed), and of
+    the first doubt after a run (`first`; "": the run need not be made); `right`: whether the block came out as it should."""
+
+    kind: str
+    what: str
+    photographs: Altered
+    says: str | None = None
+    first: str = ""
+    right: Callable[[Block], bool] | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a circumstance ended: exit codes (None: not run), whether the sentences were said, what was said first, and whether the
+    block is right (None: nothing to compare)."""
+
+    case: Circumstance
+    codes: tuple[int, int | None]
+    said: bool
+    first: str
+    right: bool | None
+
+    @property
+    def verdict(self) -> str:
+        """right, named first, named in `init`, or silent."""
+        named = bool(self.case.first) and self.case.first in self.first
+        if self.right:
+            return "right, and named first" if named else "right" if not self.case.first else "right, but not named first"
+        if named:
+            return "named first"
+        return "named by `init`" if self.case.says and self.said else "**silent**"
+
+
+def ended(case: Circumstance, flown: Flown, root: Path) -> Outcome:
+    """The outcome of `init` and, where something is expected of it, `run` to the orientation in the new folder `root`."""
+    flown.written(root / "photos", case.photographs)
+    started = orthomill(root, "init", "site", "--photos", "photos")
+    said = case.says is None or case.says in " ".join(started.output.split())
+    if started.code or not (case.first or case.right):
+        return Outcome(case, (started.code, None), said, "", None)
+    done = orthomill(root, "run", "site", "--until", "orientation", "--sequential")
+    doubts = DOUBTFUL.findall(done.output)
+    return Outcome(case, (0, done.code), said, doubts[0] if doubts else "", _right(case, root / "runs" / "site"))
+
+
+def _right(case: Circumstance, run: Path) -> bool | None:
+    if case.right is None:
+        return None
+    try:
+        return case.right(Store(run).table(BLOCK))
+    except OrthomillError:
+        return False
