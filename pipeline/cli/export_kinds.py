@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
+from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
@@ -89,6 +90,7 @@ def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
     if usual is None:
         return None
     names, suffix = (asked.product,) if asked.product else usual, ".laz" if form.group == "points" else ".tif"
+    bring_products(folder)
     files = {path.stem: path for path in sorted((folder / "products").glob(f"*{suffix}"))}
     # The points of a large surface are a folder of files.
     if form.group == "points" and any((folder / "products/points").glob("*.laz")):

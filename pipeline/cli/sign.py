@@ -17,6 +17,7 @@ from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.signing.signature import keep, sign
 from orthomill.pipeline.signing.signing_key import default_key_path, new_key, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
+from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -62,6 +63,7 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
     page, facts = _page(loaded)
     with only_run(folder):
         _refuse_damaged(folder, loaded.project.project)
+        bring_products(folder)
         if not person.agrees(page):
             return None
         statement = Statement(

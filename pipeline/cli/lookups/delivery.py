@@ -16,6 +16,7 @@ from orthomill.pipeline.engine.running import titles_of
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
+from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.store import Store
@@ -87,6 +88,7 @@ def _profile(what: str, given: object) -> AcceptanceLimits:
 
 def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
     """What a finished run delivers."""
+    bring_products(folder)
     store, ortho = Store(folder), folder / "products" / "ortho.tif"
     picture = orthoimage_facts(ortho) if ortho.exists() else None
     first, last = _days(store)

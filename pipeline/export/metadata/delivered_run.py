@@ -10,6 +10,7 @@ import numpy as np
 import rasterio
 from pyproj import CRS
 
+from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.features.outline_files import Outline, moved
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
@@ -101,6 +102,7 @@ class DeliveredRun:
 
 def delivered_run(folder: Path, record: RunRecord) -> DeliveredRun:
     """Reads a run's folder, all of its products for their digests. Raises StoreError before there is a product on the map."""
+    bring_products(folder)
     store = Store(folder)
     kinds = [kind for kind, _, _ in record.stages]
     reports = {kind: store.table(table) for kind in kinds if store.has_table(table := report_table(kind))}

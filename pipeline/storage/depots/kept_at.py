@@ -3,15 +3,16 @@
 The note is written by `orthomill run --store` and holds an address, no keys; by it every later command finds the results.
 """
 
+import shutil
 from pathlib import Path
 
 from orthomill.pipeline.storage.depots.depot import Depot
-from orthomill.pipeline.storage.depots.folder import Folder
-from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.pipeline.storage.depots.folder import PRODUCTS, Folder
+from orthomill.pipeline.storage.whole_files import replacing, write_whole
 from orthomill.schemas.errors import WorkflowError
 
 NOTE = "store.txt"
-RESULTS = ("rasters.zarr", "tables", "products", "jobs")
+RESULTS = ("rasters.zarr", "tables", "products")
 """folders of results"""
 
 
@@ -61,3 +62,13 @@ def send_pages(folder: Path) -> None:
         path for part in (folder, folder / "jobs") for path in part.glob("[!.]*") if path.is_file() and path.name != NOTE
     ):
         depot.send(path, path.relative_to(folder).as_posix())
+
+
+def bring_products(folder: Path) -> None:
+    """Copy the products that are kept elsewhere into a run's folder, for commands that open them. Raises OSError, StoreError."""
+    depot = depot_of(folder)
+    if isinstance(depot, Folder):
+        return
+    for name in depot.names(PRODUCTS):
+        with depot.local(name) as copy, replacing(folder / name) as target, copy.open("rb") as source:
+            shutil.copyfileobj(source, target)
