@@ -14,6 +14,7 @@ from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report.first_page import Caution, FirstPage, first_page
 from orthomill.pipeline.report.numbers import bytes_text
 from orthomill.pipeline.report.present_reports import present_reports
+from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.store import Store
 
 CAUTIONS_SHOWN, FAILURES_SHOWN = 3, 5
@@ -28,6 +29,11 @@ class RunEnd:
     facts: RunFacts
     folder: Path
     page: FirstPage
+
+    @property
+    def place(self) -> str:
+        """Where the products are: the run's folder, or the address of an object store."""
+        return depot_of(self.folder).address
 
     @property
     def doubts(self) -> tuple[Caution, ...]:
@@ -71,7 +77,7 @@ def tell(end: RunEnd, out: Console, err: Console) -> None:
         err.print(f"... and {which}; they are in the report.")
     for file in page.products:
         if file.product.main:
-            out.print(f"{end.folder / file.product.path}  {file.product.purpose}, {bytes_text(file.size)}", soft_wrap=True)
+            out.print(f"{end.place}/{file.product.path}  {file.product.purpose}, {bytes_text(file.size)}", soft_wrap=True)
 
 
 def tell_as_json(end: RunEnd) -> str:
@@ -87,7 +93,7 @@ def tell_as_json(end: RunEnd) -> str:
             "warnings": [{"stage": c.kind, "cost": c.cost, "sentence": c.sentence} for c in page.cautions],
             "failed": [{"tile": failure.key, "sentence": failure.sentence} for failure in end.facts.failures],
             "products": [
-                {"path": str(end.folder / file.product.path), "purpose": file.product.purpose, "bytes": file.size}
+                {"path": f"{end.place}/{file.product.path}", "purpose": file.product.purpose, "bytes": file.size}
                 for file in page.products
             ],
             "report": str(end.folder / "report.html"),
