@@ -45,7 +45,7 @@ def keep_in(folder: Path, store: str) -> None:
     if before == address:
         return
     if before or any((folder / part).is_dir() for part in RESULTS):
-        where = before or "on this disk"
+        where = f"in {before}" if before else "on this disk"
         raise WorkflowError(
             f"The results of {folder.name} are kept {where}; remove them first with 'orthomill clean {folder.name}', or leave "
             "--store out."

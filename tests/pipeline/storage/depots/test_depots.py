@@ -154,7 +154,7 @@ def test_results_are_in_one_place(tmp_path):
     keep_in(folder, "memory://one/")
     keep_in(folder, "memory://one")
     assert noted(folder) == "memory://one/toy"
-    with pytest.raises(WorkflowError, match="are kept memory://one/toy; remove them first with 'orthomill clean toy'"):
+    with pytest.raises(WorkflowError, match="are kept in memory://one/toy; remove them first with 'orthomill clean toy'"):
         keep_in(folder, "memory://two")
     run_in(tmp_path / "disk")
     with pytest.raises(WorkflowError, match="are kept on this disk"):
