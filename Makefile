@@ -56,7 +56,7 @@ PROCESSES := -n 2 --dist loadfile --no-loadscope-reorder
 test: $(STAMP) ## Run all tests, on two processes
 	@$(BIN)/python -m pytest $(PROCESSES)
 
-test-fast: $(STAMP) ## Run the tests that together take a minute and a half, on two processes
+test-fast: $(STAMP) ## Run the cheapest tests, on two processes
 	@$(BIN)/python -m pytest -m "not slow" $(PROCESSES)
 
 test-times: $(STAMP) ## Run all tests and write which are left out by test-fast, by what they take

@@ -84,7 +84,7 @@ def spread_of_c(results):
 @pytest.mark.parametrize("common", [False, True])
 def test_fields_are_found_and_standard_errors_cover_them(common):
     before, after, rms, shares = [], [], [], []
-    for result, errors, frame in repeated(0.5, common, 20):
+    for result, errors, frame in repeated(0.5, common, 12):
         before.append(result)
         after.append(with_correlated_errors(result, errors, frame))
         rms.append(errors.rms_px)
@@ -96,4 +96,4 @@ def test_fields_are_found_and_standard_errors_cover_them(common):
 
 
 def test_white_noise_has_no_correlated_errors():
-    assert [errors for _, errors, _ in repeated(0.0, False, 20)] == [None] * 20
+    assert [errors for _, errors, _ in repeated(0.0, False, 12)] == [None] * 12

@@ -1,6 +1,7 @@
 """Control with blunders, positions of another place, a lever arm, distances: found, used, and named."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -33,15 +34,21 @@ def with_blunder(block, name, error):
     return with_control(block, lambda i, p: p.model_copy(update={"xyz": tuple(np.array(p.xyz) + error)}) if p.name == name else p)
 
 
+@cache
+def without_blunder():
+    block = two_strips(11)
+    return block, orient(block)["ground_residuals"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "axis"), [(2, 0), (2, 2), (4, 1), (5, 2)])
 def test_a_blunder_in_control_is_named_as_soon_as_reliability_lets_it_be(number, axis):
     """The block tells how well a coordinate is checked: its residual has the standard error s_v, the coordinate s, and an error
     shows in the test as error * s_v / s^2. At 10 of these it must be named (the limit of the test is 4 for one number, about 5 for
     three); at 2 nothing may be, for good points have as much."""
-    block = two_strips(11)
+    block, undisturbed = without_blunder()
     point = [p for p in block.control.points if p.role == "control"][number]
-    row = next(p for p in orient(block)["ground_residuals"].points if p.name == point.name)
+    row = next(p for p in undisturbed.points if p.name == point.name)
     unit = np.eye(3)[axis] * point.sigma[axis] ** 2 / row.predicted[axis]
     assert 0.02 < unit.sum() < 0.4
     found = orient(with_blunder(block, point.name, 10 * unit))
