@@ -95,7 +95,7 @@ PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
     (Provenance.ONE_PAIR, "#2c7bb6", "measured in one pair"),
     (Provenance.AGREED, "#1a9641", "measured in two or more pairs that agree"),
     (Provenance.DISPUTED, "#fdae61", "measured in several pairs that disagree: the best supported height"),
-    (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
+    (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours; the level of outlined water"),
     (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
     (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
     (Provenance.COARSE, "#c2a5cf", "estimated: photographs show it, less sharply than its cell: a crown without leaves"),

@@ -19,7 +19,7 @@ LINE = re.compile(r"^ {4,}(?:\$ )?((?:\.venv/bin/)?orthomill .*)$|`(orthomill [^
 
 def commands(page: Path) -> list[str]:
     """Command lines, without what a comment says, and without those that only name a command (`orthomill status`)."""
-    found = [a or b for a, b in LINE.findall(page.read_text())]
+    found = [a or b for a, b in LINE.findall(re.sub(r"\\\n\s*", "", page.read_text()))]
     return [re.sub(r"\s+#.*$", "", line).removeprefix(".venv/bin/") for line in found]
 
 
