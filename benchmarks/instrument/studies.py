@@ -51,6 +51,15 @@ _ALL = (
         "RUN [NAME ...]: photographs of the first set",
     ),
     Study(
+        "stated_heights",
+        "compare.stated_heights",
+        "what stated standard errors of heights are worth, by code and class, on simulated scenes",
+        "minutes",
+        ("tasks/densification",),
+        RUN,
+        "RUN ...",
+    ),
+    Study(
         "time_by_stage",
         "time_by_stage",
         "where the processor time goes, stage by stage",

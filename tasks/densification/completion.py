@@ -10,8 +10,8 @@ from orthomill.tasks.densification.height_differences import even
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
-_COHERENT, _COMPANY = 70, 50
-"""% of the cells around that go along with a height, from which on it is coherent, and below which it stands alone"""
+_COMPANY = 50
+"""% of the cells around that go along with a height, below which it stands alone"""
 
 
 class VolumeWindow(NamedTuple):
@@ -27,11 +27,6 @@ class VolumeWindow(NamedTuple):
         second surface next to it."""
         faint = (self.confidence == Confidence.FAINT) & even
         return (self.confidence == Confidence.HIGH) | ((self.confidence == Confidence.BLURRED) | faint) & matched
-
-    @property
-    def coherent(self) -> np.ndarray:
-        """(rows, cols) bool: heights with which the cells around go along."""
-        return self.judgement[..., Judgement.COHERENCE] >= _COHERENT
 
     @property
     def stray(self) -> np.ndarray:

@@ -90,9 +90,10 @@ def estimates(count: int, coherence: int, beside: float) -> FusedCells:
 
 @pytest.mark.parametrize(
     ("count", "coherence", "beside", "shown"),
-    [(1, 80, 9.0, True), (1, 20, 0.0, True), (1, 20, 9.0, False), (0, 80, 0.0, True), (0, 80, 9.0, False), (0, 20, 0.0, False)],
+    [(1, 80, 9.0, True), (1, 20, 0.0, True), (1, 20, 9.0, False), (0, 80, 0.0, True), (0, 80, 9.0, False), (0, 59, 0.0, False)],
 )
 def test_estimates_of_which_photographs_say_something_are_told_from_guesses(count, coherence, beside, shown):
     found = estimates(count, coherence, beside)
     assert (found.provenance[12, 12] == Provenance.COARSE) == shown
-    assert found.precision[12, 12] == pytest.approx(np.hypot(0.1, 0.4) if shown and not count else 0.1)
+    assert found.precision[12, 12] == pytest.approx(np.hypot(0.1, 0.6) if shown and not count else 0.1)
+    assert estimates(0, 100, 0.0).precision[12, 12] == pytest.approx(np.hypot(0.1, 0.4))

@@ -19,14 +19,13 @@ def difference_plan(plan: SurfacePlan, source: SurfaceSource, pairs: tuple[Epipo
     """What the standard errors of matching are worth on this block."""
     tables = []
     shape = source.surface.grid.shape
-    for row, col in _squares(shape):
-        window = Window(row, col, _SIDE, _SIDE).clipped(shape)
+    for window in squares(shape):
         around = window.grown(REACH)
         work, pieces = around.clipped(shape), pieces_of(source, pairs, around)
         # Three photographs make no two pairs without a common one.
         if len({name for piece in pieces for name in (piece.pair.left, piece.pair.right)}) < 4:
             continue
-        tables.append(Table(f"densification/differences/{row}-{col}.json", MatchingDifferences))
+        tables.append(Table(f"densification/differences/{window.row}-{window.col}.json", MatchingDifferences))
         yield Job(
             stage=plan.stage,
             item="differences of a square",
@@ -34,8 +33,8 @@ def difference_plan(plan: SurfacePlan, source: SurfaceSource, pairs: tuple[Epipo
             reads=tile_reads(source, work, pieces),
             writes={"differences": tables[-1]},
             params={"tile": surface_tile(source, window, work, pieces), "rules": plan.rules},
-            row=row // _SIDE,
-            col=col // _SIDE,
+            row=window.row // _SIDE,
+            col=window.col // _SIDE,
             scratch=square_scratch(pieces, work),
         )
     yield Job(
@@ -43,12 +42,13 @@ def difference_plan(plan: SurfacePlan, source: SurfaceSource, pairs: tuple[Epipo
     )
 
 
-def _squares(shape: tuple[int, int]) -> Iterator[tuple[int, int]]:
-    """First row and column of every square: in the middle of equal parts of the block."""
+def squares(shape: tuple[int, int]) -> Iterator[Window]:
+    """The squares on which pairs are compared: in the middle of equal parts of the block."""
     parts = [min(max(size // _APART, 1), _MOST) for size in shape]
     for row in range(parts[0]):
         for col in range(parts[1]):
-            yield _first(row, parts[0], shape[0]), _first(col, parts[1], shape[1])
+            first = _first(row, parts[0], shape[0]), _first(col, parts[1], shape[1])
+            yield Window(*first, _SIDE, _SIDE).clipped(shape)
 
 
 def _first(part: int, parts: int, size: int) -> int:

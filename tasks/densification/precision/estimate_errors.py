@@ -3,7 +3,8 @@
 Strategy. Where photographs disagree something stands or moves, about as high as it is wide: what lies a distance away from measured
 ground may be that much higher, until it is as uncertain as trees and houses are high. A height of which photographs say something
 themselves keeps what they say: that of a coarser level; one that a pair matched where neighbours go along with it or no wall is
-near; and one with which its neighbours go along where nothing around is as high as a house, good to what grass and leaves are deep.
+near; and one with which its neighbours go along where nothing around is as high as a house, good to what grass and leaves are deep:
+the deeper, the fewer of them do.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import extremes
 from orthomill.tasks.densification.precision.matched_ground import MatchedGround
 from orthomill.tasks.densification.precision.standard_errors import REACH
-from orthomill.tasks.densification.volume.quality import box_sums
+from orthomill.tasks.densification.volume.quality import Judgement, box_sums
 
 _RISE = 2.2
 """m per m of distance that what was not measured may rise"""
@@ -25,6 +26,9 @@ _CORE, _MOSTLY = 2, 0.75
 """a cell counts as measured ground if most of the cells up to two away are measured: single ones in a crown are no ground"""
 _HOUSE, _GRASS = 2.5, 0.4
 """m that the surface rises and falls beside what may be a house, and that what no pair matched is deep"""
+_AGREEING, _THIN = 60, 40
+"""% of the cells around that go along with a height, from which on it is more than a guess; and how many fewer of them make it deep
+twice"""
 CODE_REACH = _FARTHEST + _CORE
 """cells around an estimate whose codes enter its standard error"""
 
@@ -33,9 +37,11 @@ def with_shown(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround) -
     """The cells with those of which photographs say something themselves told from mere guesses: coded as shown on a coarser
     scale."""
     matched = cells.count > 0
-    shown = (volume.coherent & (matched | (ground.torn < _HOUSE))) | (matched & ~ground.walled)
+    agreeing = volume.judgement[..., Judgement.COHERENCE].astype(np.float32)
+    shown = (agreeing >= _AGREEING) & (matched | (ground.torn < _HOUSE)) | (matched & ~ground.walled)
     shown &= (cells.provenance == Provenance.INCOHERENT) & ~volume.alone
-    deep = np.where(shown & ~matched, np.hypot(cells.precision, np.float32(_GRASS)), cells.precision).astype(np.float32)
+    grass = np.float32(_GRASS) * (1 + (100 - agreeing) / np.float32(_THIN))
+    deep = np.where(shown & ~matched, np.hypot(cells.precision, grass), cells.precision).astype(np.float32)
     return FusedCells(cells.height, deep, cells.count, np.where(shown, np.uint8(Provenance.COARSE), cells.provenance))
 
 
