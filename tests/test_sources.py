@@ -26,7 +26,8 @@ LISTS = {  # a list of numbers behind a word, and what their anchors begin with
     "table-": re.compile(rf"\b[Tt]ables? ({NUMBERS.format('[0-9]+[.-][0-9]+')})\b"),
     "eq-": re.compile(rf"(?<![0-9]{{4}}, )\b[Ee]quations? ({NUMBERS.format('[0-9]+[.][0-9]+')})\b"),
 }
-SHORT = re.compile(r"(?<![\w.-])([SV][0-9]{1,2}|M[0-9]{1,2}[ab]?|[AB]-[0-9]{2})(?![\w-]|\.[0-9])")
+# S3 is the protocol of object stores.
+SHORT = re.compile(r"(?<![\w.-])((?!S3\b)[SV][0-9]{1,2}|M[0-9]{1,2}[ab]?|[AB]-[0-9]{2})(?![\w-]|\.[0-9])")
 WORTH_PARSING = re.compile(
     rf"{REFERENCE.pattern}|{RETIRED.pattern}|{SHORT.pattern}|[Cc]hecks? [0-9]|[Tt]ables? [0-9]+[.-]|[Ee]quations? [0-9]"
 )

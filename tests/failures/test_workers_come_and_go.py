@@ -118,7 +118,7 @@ def test_what_is_wrong_with_a_worker_is_said(terms, tmp_path, monkeypatch):
     elsewhere = worker_terms.Terms(tmp_path / "unmounted", terms.mark, terms.program)
     assert objection(elsewhere, 1).startswith(f"does not see {tmp_path / 'unmounted'}; ")
     # A folder of the same name on another disk does not hold the file of this run.
-    assert objection(worker_terms.Terms(terms.folder, "other", terms.program), 1).startswith("does not see ")
+    assert objection(worker_terms.Terms(terms.place, "other", terms.program), 1).startswith("does not see ")
     monkeypatch.setattr(worker_terms, "__version__", "0.0.1")
     assert objection(terms, 1).startswith("has orthomill 0.0.1 (")
 

@@ -42,6 +42,7 @@ BLOCK_VALUES = {
         "grave": True,
         "sure": True,
         "in_metres": True,
+        "open_m": None,
     },
     "interior_demanded": {"camera": "n", "x0_px": -7.1, "y0_px": -14.4, "k3": -0.13, "sigma0_px": (0.138, 0.112)},
     "looks_upward": {},

@@ -23,6 +23,7 @@ VALUES = {
     "PositionsFromFile": {"kind": "file", "path": "gnss.csv"},
     "ControlFromFiles": {"kind": "files", "points": "points.csv"},
     "ControlFromTargets": {"kind": "targets"},
+    "SurveyedPoints": {},
     "ControlFromGcpList": {"kind": "gcp_list", "path": "gcp_list.txt"},
     "Tolerances": {},
 }
@@ -71,7 +72,7 @@ def test_lengths_and_standard_errors_have_bounds():
         for name in model.model_fields
         if name.startswith("sigma_") or name in ("c", "square", "pixel_um", "tile", "boards")
     }
-    assert len(sizes) == 20 and sizes <= bounded
+    assert len(sizes) == 22 and sizes <= bounded
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)

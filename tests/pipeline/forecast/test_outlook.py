@@ -14,11 +14,11 @@ def headers(count: int) -> tuple[Header, ...]:
 
 
 def test_the_look_has_what_the_catalogue_expects_and_the_effort_of_a_run(tmp_path: Path):
-    def seen(found, crs):
+    def seen(found, crs, beside):
         expected = ExpectedFlight(pattern=f"{len(found)} in {crs}")
         return FirstLook(findings=(), used=tuple(header.path for header in found), expected=expected)
 
-    look = outlook(seen, STAGES, tmp_path)(headers(10), "EPSG:32634")
+    look = outlook(seen, STAGES, tmp_path)(headers(10), "EPSG:32634", None)
     pattern, effort = look.lines
     assert pattern == "10 in EPSG:32634"
     assert re.fullmatch(

@@ -140,7 +140,7 @@ def test_the_report_is_printed_where_there_is_a_browser(heights, tmp_path, monke
     folder = TaskFolder(tmp_path / "task")
     run_of(folder, heights)
     place = "orthomill.pipeline.serving.outputs.delivery_archive"
-    monkeypatch.setattr(f"{place}.shutil.which", lambda name: "/usr/bin/x")
+    monkeypatch.setattr(f"{place}.can_print", lambda: True)
     monkeypatch.setattr(f"{place}.write_pdf", lambda page: page.with_suffix(".pdf").write_text("paper"))
     write_delivery(folder, TaskState(uuid=folder.uuid), Wishes(tiled_cloud=False), lambda words: None, "", paper=True)
     with zipfile.ZipFile(folder.results) as archive:
