@@ -12,8 +12,10 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from threading import Event, Thread
+from functools import partial
+from threading import Event
 
+from orthomill.pipeline.records.beside import going_on
 from orthomill.pipeline.records.started_machine import boot
 from orthomill.pipeline.storage.depots.bucket import Bucket
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -30,14 +32,10 @@ def leased(bucket: Bucket, project: str) -> Iterator[None]:
     """Hold the lease of a project. Raises ResourceError while another run holds it, StoreError."""
     token = secrets.token_hex(8)
     _take(bucket, project, token)
-    ended = Event()
-    thread = Thread(target=_renew_until, args=(bucket, token, ended), daemon=True)
-    thread.start()
     try:
-        yield
+        with going_on(partial(_renew_until, bucket, token)):
+            yield
     finally:
-        ended.set()
-        thread.join()
         with suppress(StoreError):  # it ends by itself
             if _holder(_content(bucket)).get("token") == token:
                 bucket.delete(NAME)

@@ -10,11 +10,13 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event
 
 from pydantic import BaseModel, ValidationError
 
+from orthomill.pipeline.records.beside import going_on
 from orthomill.pipeline.records.started_machine import boot
 from orthomill.pipeline.records.verification import Verification, examine
 from orthomill.pipeline.storage.depots.kept_at import noted
@@ -51,14 +53,8 @@ def flushing(folder: Path) -> Iterator[None]:
     if noted(folder):
         yield
         return
-    ended = Event()
-    thread = Thread(target=_flush_until, args=(folder, ended), daemon=True)
-    thread.start()
-    try:
+    with going_on(partial(_flush_until, folder)):
         yield
-    finally:
-        ended.set()
-        thread.join()
 
 
 def _flush_until(folder: Path, ended: Event) -> None:
