@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import Window
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow, completed
@@ -23,7 +24,7 @@ _MATCHED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED)
 def square_scratch(pieces: tuple[PairPiece, ...], work: Window) -> int:
     """Working memory of `square_differences`, bytes."""
     # Beside what a tile of the surface takes, heights (float64) and standard errors (float32) of every pair.
-    return surface_scratch(pieces, work) + 12 * len(pieces) * work.cells
+    return surface_scratch(pieces, work) + array_bytes(12, len(pieces), work)
 
 
 def square_differences(

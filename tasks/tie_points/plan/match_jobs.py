@@ -1,5 +1,7 @@
 """Matches of pairs, and the tracks over all photographs."""
 
+from typing import NamedTuple
+
 from orthomill.schemas.camera import CAMERAS
 from orthomill.schemas.job import Job, Raster, Reading, Stream, TextFile
 from orthomill.schemas.memory import array_bytes
@@ -44,23 +46,38 @@ def pair_job(asked: TiePointsStage, left: Photo, right: Photo) -> Job:
     )
 
 
+class _Searched(NamedTuple):
+    """Two photographs, complete on their searched levels, and the rules of their pair there."""
+
+    levels: tuple[int, int]
+    pixels: tuple[Raster, Raster]
+    rules: PairRules
+
+
+def _searched(asked: TiePointsStage, pair: tuple[Photo, Photo]) -> _Searched:
+    left, right = pair
+    levels = search_level(asked, left), search_level(asked, right)
+    rules = PairRules(asked.ratio, asked.epipolar_tolerance * 2 ** max(levels))
+    return _Searched(levels, (_whole(left, levels[0]), _whole(right, levels[1])), rules)
+
+
+def _whole(photo: Photo, level: int) -> Raster:
+    return Raster(photo_raster(photo.name, level), Window(0, 0, *level_size(photo, level)))
+
+
 def _correlation_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: CorrelationSearch) -> Job:
     """Reads both photographs completely on the searched level, the size of which `search_side` bounds."""
     left, right = pair
     matches, summary = pair_tables(left.name, right.name)
-    levels = search_level(asked, left), search_level(asked, right)
-    shapes = [level_size(photo, level) for photo, level in zip(pair, levels, strict=True)]
-    names = [photo_raster(photo.name, level) for photo, level in zip(pair, levels, strict=True)]
-    pixels = tuple(Raster(name, Window(0, 0, *shape)) for name, shape in zip(names, shapes, strict=True))
-    rules = PairRules(asked.ratio, asked.epipolar_tolerance * 2 ** max(levels))
+    searched = _searched(asked, pair)
     return Job(
         stage=asked.kind,
         item=f"{left.name}+{right.name} matches",
         function=correlate_pair,
-        reads={"features": tuple(feature_tables(photo.name)[0] for photo in pair), "pixels": pixels, "cameras": CAMERAS},
+        reads={"features": tuple(feature_tables(photo.name)[0] for photo in pair), "pixels": searched.pixels, "cameras": CAMERAS},
         writes={"matches": matches, "summary": summary},
-        params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
-        scratch=sum(array_bytes(16, shape) for shape in shapes) + array_bytes(80, search.correlation.search**2),
+        params={"names": (left.name, right.name), "levels": searched.levels, "rules": searched.rules, "search": search},
+        scratch=sum(array_bytes(16, pixels.window) for pixels in searched.pixels) + array_bytes(80, search.correlation.search**2),
     )
 
 
@@ -68,26 +85,24 @@ def _growing_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: Growi
     """Reads both photographs completely on the searched level, the size of which `search_side` bounds."""
     left, right = pair
     matches, summary = pair_tables(left.name, right.name)
-    levels = search_level(asked, left), search_level(asked, right)
-    shapes = [level_size(photo, level) for photo, level in zip(pair, levels, strict=True)]
-    names = [photo_raster(photo.name, level) for photo, level in zip(pair, levels, strict=True)]
+    searched = _searched(asked, pair)
     reads: dict[str, Reading] = {
         "left": feature_tables(left.name),
         "right": feature_tables(right.name),
-        "pixels": tuple(Raster(name, Window(0, 0, *shape)) for name, shape in zip(names, shapes, strict=True)),
+        "pixels": searched.pixels,
         "cameras": CAMERAS,
     }
     if search.seeds:
         reads["seeds"] = TextFile(search.seeds)
-    rules = PairRules(asked.ratio, asked.epipolar_tolerance * 2 ** max(levels))
     return Job(
         stage=asked.kind,
         item=f"{left.name}+{right.name} matches",
         function=grow_pair,
         reads=reads,
         writes={"matches": matches, "summary": summary},
-        params={"names": (left.name, right.name), "levels": levels, "rules": rules, "search": search},
-        scratch=sum(array_bytes(60, shape) for shape in shapes) + array_bytes(3 * 4 * 1024 + 16 * DESCRIPTOR, asked.max_features),
+        params={"names": (left.name, right.name), "levels": searched.levels, "rules": searched.rules, "search": search},
+        scratch=sum(array_bytes(60, pixels.window) for pixels in searched.pixels)
+        + array_bytes(3 * 4 * 1024 + 16 * DESCRIPTOR, asked.max_features),
     )
 
 
