@@ -160,6 +160,14 @@ def test_few_blocks_tell_the_height_alone():
     assert found.east is None and not found.in_plan and abs(found.up - 1.25) < 1.0
 
 
+def test_blocks_that_all_slope_alike_tell_the_height_alone():
+    """A surface in wide cells has one height a block, and no slope: its shift in plan was stated as nothing, known to nothing."""
+    level = blocks_of(0.0, 0.0, 1.25)
+    level[..., 3:] = 0.0
+    found = surface_shift(level, 8)
+    assert found.east is None and found.plan_sigma is None and found.up == pytest.approx(1.25, abs=4 * found.up_sigma)
+
+
 def test_many_blocks_of_one_group_tell_the_height_alone():
     """One group has no scatter, and a shift in plan without a standard error would be beyond every doubt."""
     found = surface_shift(blocks_of(0.8, -0.5, 1.25)[24:32, 24:32], 8)

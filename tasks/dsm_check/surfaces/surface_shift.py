@@ -161,10 +161,12 @@ def surface_shift(coarse: np.ndarray, side: int) -> SurfaceShift:
     precise = _weights(coarse[known][:, SIGMA].astype(np.float64))
     group = max(_FEWEST_OF_GROUP, _GROUP // side)
     groups = np.unique(rows // group * coarse.shape[1] + cols // group, return_inverse=True)[1].ravel()
-    if known.sum() < _LEAST_BLOCKS or groups.max(initial=-1) + 1 < _LEAST_GROUPS:
+    slopes = coarse[known][:, [EAST, NORTH]].astype(np.float64)
+    # Of slopes that are all alike a shift in plan is nothing, and its standard error nothing as well: neither is known.
+    varied = (np.ptp(slopes, axis=0) > 0.0).all()
+    if known.sum() < _LEAST_BLOCKS or groups.max(initial=-1) + 1 < _LEAST_GROUPS or not varied:
         alone = _robust(np.ones((len(dh), 1)), dh, precise, groups)
         return SurfaceShift(up=-float(alone.values[0]), up_sigma=float(np.sqrt(alone.covariance[0, 0])), blocks=len(dh))
-    slopes = coarse[known][:, [EAST, NORTH]].astype(np.float64)
     place = np.column_stack([2 * cols / coarse.shape[1] - 1, 1 - 2 * rows / coarse.shape[0]])
     # Centred: the constant is then the shift in the middle of the blocks, and does not depend on the other unknowns.
     others = np.column_stack([slopes, place])
