@@ -221,8 +221,16 @@ def opened(client: Client, where: str, advice: str) -> Iterator[Client]:
             "and run the same command again to continue."
         ) from error
     finally:
-        with suppress(*LOST):
-            client.close(timeout=CLOSING)
+        _close(client)
+
+
+def _close(client: Client) -> None:
+    """The end of a client. Whatever an attempt to reconnect that was under way raises comes out here, errors of tornado among them;
+    what could not be closed is not to be closed once more when the interpreter ends, with a traceback on the terminal."""
+    try:
+        client.close(timeout=CLOSING)
+    except Exception:  # see above
+        client.status = "closed"
 
 
 def silence() -> None:

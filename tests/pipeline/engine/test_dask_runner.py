@@ -12,10 +12,10 @@ from toy_stages import SIZE, make_size
 
 from orthomill.pipeline.engine import dask_runner as runner_module
 from orthomill.pipeline.engine import workforce as workforce_module
-from orthomill.pipeline.engine.dask_cluster import free_port
+from orthomill.pipeline.engine.dask_cluster import free_port, opened
 from orthomill.pipeline.engine.dask_runner import DaskRunner, execute_sent, kept_report
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder
-from orthomill.pipeline.engine.runner import Finished
+from orthomill.pipeline.engine.runner import Finished, SchedulerLost
 from orthomill.pipeline.engine.worker_terms import Declined
 from orthomill.pipeline.records.records import Fingerprint
 from orthomill.schemas.errors import ResourceError
@@ -157,6 +157,17 @@ def test_a_lost_scheduler_is_not_taken_for_a_failed_job(runner_of):
     runner = runner_of("one", one=("cancelled",))
     with pytest.raises(CommClosedError, match="scheduler was lost"):
         runner.next()
+
+
+def test_a_client_that_cannot_close_does_not_hide_that_the_scheduler_was_lost():
+    def close(timeout):
+        client.status = "closing"
+        raise ValueError("IOStream is not idle; cannot convert to SSL")  # of an attempt to reconnect
+
+    client = SimpleNamespace(status="connecting", close=close)
+    with pytest.raises(SchedulerLost, match="lost in the middle"), opened(client, "at tls://a:1", "restart the cluster"):
+        raise CommClosedError("the scheduler was lost")
+    assert client.status == "closed"  # or it is closed again where the interpreter ends
 
 
 def test_a_result_that_dask_revokes_is_waited_for_again(runner_of):
