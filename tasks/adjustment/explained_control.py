@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.model.network import Network, Rays
+from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
@@ -34,9 +34,7 @@ def with_explained_control(now: Progress, rays: Rays, huber: float) -> Progress:
     misfit = control_misfits(now.network, now.state, rays, np.inf)
     # So loose that no point exceeds its standard errors, and none has Huber's weights: the solution is linear in the coordinates.
     loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
-    # Reweighting needs no sharp end: its weights stay, and least squares with them follow.
-    state, steps = minimise(loose.weighted_network, now.state, rays, huber, ROUGH)
-    weighted, tempered = as_weighted(loose.weighted_network, state, rays, huber)
+    state, steps, weighted, tempered = _loosened(loose, rays, huber)
     # Least squares to the last digit: what is left to gain would look like contradictions of the control.
     state, more = minimise(weighted, state, tempered, damping=NEAR)
     # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates. Only now, because control that
@@ -44,6 +42,36 @@ def with_explained_control(now: Progress, rays: Rays, huber: float) -> Progress:
     placed = np.isfinite(control_misfits(now.network, state, rays, now.test.gross_surveyed))
     now = replace(now, state=state, iterations=now.iterations + steps + more)
     return _explained(now, weighted, tempered, np.where(placed[:, None], now.network.point_weight, 0.0))
+
+
+def without_unmet(network: Network, state: State, rays: Rays, limit: float) -> tuple[Network, Rays]:
+    """The network and the rays without those surveyed points whose rays do not meet within `limit` standard errors, if others hold
+    the block.
+
+    Beside control that is loose, a wrong pointing of hundreds of pixels weighs more than the scale of the block, which shrinks to a
+    point: there its rays meet.
+    """
+    seen = np.bincount(rays.point, minlength=len(network.point))
+    known = network.point_weight.any(axis=1) & (seen > 0)
+    unmet = known & (seen >= 2) & ~np.isfinite(control_misfits(network, state, rays, limit))
+    if not network.centre_weight.any() and (known & ~unmet).sum() < FEWEST:
+        return network, rays
+    return replace(network, point_weight=np.where(unmet[:, None], 0.0, network.point_weight)), rays.take(~unmet[rays.point])
+
+
+def _loosened(loose: Progress, rays: Rays, huber: float) -> tuple[State, int, Network, Rays]:
+    """The solution with loosened control, its iterations, and the network and rays with their weights in it."""
+    everything, limit = loose.weighted_network, loose.test.gross_surveyed
+    network, met = without_unmet(everything, loose.state, rays, limit)
+    # Reweighting needs no sharp end: its weights stay, and least squares with them follow.
+    state, steps = minimise(network, loose.state, met, huber, ROUGH)
+    # Rays that control had bent before it was loose meet now.
+    again = without_unmet(everything, state, rays, limit)
+    if len(again[1]) > len(met):
+        network, met = again
+        state, more = minimise(network, state, met, huber, ROUGH)
+        steps += more
+    return state, steps, *as_weighted(network, state, met, huber)
 
 
 def _explained(now: Progress, weighted: Network, rays: Rays, stated: np.ndarray) -> Progress:

@@ -8,17 +8,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_explained_control
+from orthomill.tasks.adjustment.explained_control import OTHERS, is_group, with_explained_control, without_unmet
 from orthomill.tasks.adjustment.model.collinearity import residual_lengths
+from orthomill.tasks.adjustment.model.datum import prior_factors
+from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
-from orthomill.tasks.adjustment.model.robust_weights import spread
+from orthomill.tasks.adjustment.model.robust_weights import huber_weights, spread
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import BlunderTest, Progress
 from orthomill.tasks.adjustment.solve.minimise import minimise
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 from orthomill.tasks.adjustment.solve.ray_intersection import enough_rays, usable_rays
 from orthomill.tasks.adjustment.testing.adjustment_result import surveyed
 from orthomill.tasks.adjustment.testing.distance_agreement import agreement
 from orthomill.tasks.adjustment.testing.gross_blunders import (
+    STEPS,
     gross_blunder,
     lengths_of_rays,
     pointing_spread,
@@ -56,9 +60,30 @@ def _without_gross_surveyed(now: Progress, scaled: Rays) -> Progress:
             now = with_explained_control(now, scaled, now.test.huber)
         else:
             now = now.without(found)
-        state, steps = minimise(now.weighted_network, now.state, scaled, now.test.huber, TOLERANCES[-1])
+        network, met = without_unmet(now.weighted_network, now.state, scaled, now.test.gross_surveyed)
+        state, steps = minimise(network, now.state, met, now.test.huber, TOLERANCES[-1])
+        state = _with_unmet(now.weighted_network, state, scaled, met, now.test.huber)
         now = replace(now, state=state, iterations=now.iterations + steps)
     return now
+
+
+def _with_unmet(network: Network, state: State, rays: Rays, met: Rays, huber: float) -> State:
+    """The state with the surveyed points that have `rays` but took no part (`met`) placed by their coordinates and by those of
+    their rays that agree with these."""
+    unmet = np.setdiff1d(rays.point, met.point)
+    if not len(unmet):
+        return state
+    own, point = rays.take(np.isin(rays.point, unmet)), state.point.copy()
+    point[unmet] = network.point[unmet]
+    state = replace(state, point=point)
+    for _ in range(STEPS):
+        factor = prior_factors(network, state, huber).point
+        linear = linearised(network, state, own, huber_weights(residual_lengths(network, state, own), huber), factor)
+        step = point_corrections(linear, np.zeros(network.unknowns))
+        point = state.point.copy()
+        point[unmet] += step[unmet]
+        state = replace(state, point=point)
+    return state
 
 
 def _gross_blunder(now: Progress, scaled: Rays) -> Blunder | None:
