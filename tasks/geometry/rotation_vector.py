@@ -34,6 +34,18 @@ def vector_of_rotation(R: np.ndarray) -> np.ndarray:
     return np.pi * axis
 
 
+def vectors_of_rotations(R: np.ndarray) -> np.ndarray:
+    """The rotation vectors (n, 3) of rotations (n, 3, 3), as `vector_of_rotation` gives each."""
+    sine = 0.5 * np.column_stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]])
+    cosine, length = 0.5 * (R.trace(axis1=1, axis2=2) - 1.0), np.linalg.norm(sine, axis=1)
+    turned = length > 1e-9
+    by_sine = np.where(turned, np.arctan2(length, cosine) / np.where(turned, length, 1.0), 1.0)
+    found = by_sine[:, None] * sine
+    for i in np.flatnonzero(~turned & (cosine < 0.0)):
+        found[i] = vector_of_rotation(R[i])
+    return found
+
+
 def angles_from_vector(R: np.ndarray) -> np.ndarray:
     """(3, 3): derivatives of omega, phi, kappa by the rotation vector at R.
 

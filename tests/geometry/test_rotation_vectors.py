@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
-from orthomill.tasks.geometry.rotation_vector import angles_from_vector, rotation_of_vector, skew, vector_of_rotation
+from orthomill.tasks.geometry.rotation_vector import (
+    angles_from_vector,
+    rotation_of_vector,
+    skew,
+    vector_of_rotation,
+    vectors_of_rotations,
+)
 
 SETTINGS = settings(deadline=None, max_examples=60)
 PART = st.floats(-1.8, 1.8)
@@ -52,6 +58,14 @@ def test_half_a_turn_has_an_axis_of_either_sign(w):
     found = vector_of_rotation(R)
     assert np.linalg.norm(found) == pytest.approx(np.pi)
     assert abs(found @ axis) == pytest.approx(np.pi)
+
+
+def test_many_rotations_have_the_vectors_that_each_has_alone():
+    vectors = np.vstack([np.zeros(3), [1e-12, 0, 0], [0, np.pi, 0], np.random.default_rng(1).normal(0, 1, (20, 3))])
+    R = np.array([rotation_of_vector(w) for w in vectors])
+    R[2] = np.diag([-1.0, 1.0, -1.0])  # half a turn, of which the antisymmetric part vanishes
+    np.testing.assert_allclose(vectors_of_rotations(R), [vector_of_rotation(one) for one in R], rtol=1e-13, atol=1e-16)
+    assert vectors_of_rotations(R[:0]).shape == (0, 3)
 
 
 @given(VECTOR, VECTOR)

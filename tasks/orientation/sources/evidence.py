@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from orthomill.tasks.geometry.rotation_vector import vector_of_rotation
+from orthomill.tasks.geometry.rotation_vector import vectors_of_rotations
 from orthomill.tasks.orientation.sources.elevation_model import ElevationModel
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
@@ -96,9 +96,12 @@ _Part = tuple[np.ndarray, ...]
 def _moved_points(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
     """(n, 3, 7) how points move with the block."""
     lever = points - middle
-    alike = np.broadcast_to(np.eye(3), (len(points), 3, 3))
-    turned = np.cross(alike, lever[:, None, :]).transpose(0, 2, 1)
-    return np.concatenate([alike, turned, lever[:, :, None]], axis=2)
+    moved = np.zeros((len(points), 3, 7))
+    moved[:, :, :3] = np.eye(3)
+    for first, second in ((0, 1), (1, 2), (2, 0)):  # turned about the third axis
+        moved[:, first, 6 - first - second], moved[:, second, 6 - first - second] = -lever[:, second], lever[:, first]
+    moved[:, :, 6] = lever
+    return moved
 
 
 def _positions(block: RigidBlock, told: Told, cameras: int) -> _Part:
@@ -126,7 +129,7 @@ def _attitudes(block: RigidBlock, told: Told, cameras: int) -> _Part:
     A[:, :, MOUNTING] = np.eye(3)
     # In the world: the rotation that takes the block to what the attitude says.
     turns = told.attitude[own].transpose(0, 2, 1) @ block.rotation[own]
-    y = np.array([vector_of_rotation(turn) for turn in turns]).reshape(-1, 3)
+    y = vectors_of_rotations(turns)
     sigma = told.attitude_sigma[own, None] * np.array([1.0, 1.0, COMPASS])
     return _rows(np.full(3, Source.ATTITUDE), own, block.centre[own], y, A, sigma)
 

@@ -80,4 +80,4 @@ Cause = Offset | Zoom | Bend | PlanScale
 
 def _positions(has: Equations, photos: np.ndarray) -> np.ndarray:
     """(m,) bool: equations of the positions of `photos` (P,) bool."""
-    return np.isin(has.source, (Source.PLAN, Source.HEIGHT)) & photos[has.photo]
+    return ((has.source == Source.PLAN) | (has.source == Source.HEIGHT)) & photos[has.photo]

@@ -38,10 +38,10 @@ class RigidBlock:
 
     def moved(self, motion: np.ndarray) -> "RigidBlock":
         """The block after a `motion` (7,): shift m, rotation vector rad about the middle, and relative change of scale."""
-        turn, scale = rotation_of_vector(motion[3:6]), 1.0 + motion[6]
+        turn, scale, middle = rotation_of_vector(motion[3:6]), 1.0 + motion[6], self.middle
 
         def place(points: np.ndarray) -> np.ndarray:
-            return np.asarray(self.middle + motion[:3] + scale * (points - self.middle) @ turn.T)
+            return np.asarray(middle + motion[:3] + scale * (points - middle) @ turn.T)
 
         return replace(
             self,

@@ -47,13 +47,13 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
     motion = np.zeros(7) if near is None else near.motion
     at = block.moved(motion)
     has = equations(at, told)
-    scale = dict.fromkeys(Source, np.inf)
+    scale, least = dict.fromkeys(Source, np.inf), _least(has, block.pixel)
     # Nothing is known of the causes before the first step.
     total = np.zeros(_with_causes(at, has, causes).shape[1])
     for _ in range(STEPS):
         A = _with_causes(at, has, causes)
         v = has.y - A @ _rest(total)
-        before, scale = scale, _scales(has, v, scale, at.pixel)
+        before, scale = scale, _scales(has, v, scale, least)
         weight = _weights(has, v, scale)
         total, covariance = _solved(has, A, weight, at_motion=motion)
         motion = motion + total[MOTION]
@@ -92,14 +92,15 @@ def _spread(has: Equations, v: np.ndarray, source: Source, start: float) -> floa
     return float(np.sqrt((weight * size**2).sum() / count))
 
 
-def _scales(has: Equations, v: np.ndarray, scale: dict[Source, float], pixel: float) -> dict[Source, float]:
-    found = {}
-    for source in Source:
-        own = has.source == source
-        # The block itself is no better than a share of a pixel on the ground, and nothing of it shows less.
-        least = 1.0 if source in STATED or not own.any() else pixel / np.median(has.sigma[own])
-        found[source] = max(_spread(has, v, source, scale[source]), least)
-    return found
+def _least(has: Equations, pixel: float) -> dict[Source, float]:
+    """The smallest scale of each source: the block itself is no better than a share of a pixel on the ground, and nothing of it
+    shows less."""
+    own = {source: has.sigma[has.source == source] for source in Source if source not in STATED}
+    return {source: pixel / np.median(own[source]) if len(own.get(source, ())) else 1.0 for source in Source}
+
+
+def _scales(has: Equations, v: np.ndarray, scale: dict[Source, float], least: dict[Source, float]) -> dict[Source, float]:
+    return {source: max(_spread(has, v, source, scale[source]), least[source]) for source in Source}
 
 
 def _weights(has: Equations, v: np.ndarray, scale: dict[Source, float]) -> np.ndarray:
