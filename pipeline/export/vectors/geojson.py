@@ -32,6 +32,7 @@ def write_geojson(target: TextIO, layers: Iterable[Layer], crs: str | None) -> N
 
 
 def to_degrees(crs: str | None) -> Transformer | None:
+    """From a system in plan to longitude and latitude (WGS 84); None where positions are not on the Earth."""
     system = CRS.from_user_input(crs) if crs is not None else None
     if system is None or not (system.is_projected or system.is_geographic or system.is_compound):
         return None

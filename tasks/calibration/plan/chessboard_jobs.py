@@ -44,6 +44,8 @@ _SEARCH_MEMORY = 160 * MIB
 
 
 def chessboard_jobs(asked: CalibrationStage, view: ProjectView, source: CameraFromChessboards) -> Iterator[RasterSpec | Job]:
+    """The jobs that calibrate a camera from photographs of boards, one step after the other. Raises WorkflowError for a board, or
+    parameters, that no calibration can have."""
     _check_board(source)
     # Checked before any photograph is searched: a wrong setting must not cost minutes first.
     model = _model(asked.parameters, asked.model)
@@ -162,6 +164,7 @@ def _drawings(boards: BoardPhotos) -> Iterator[RasterSpec | Job]:
 
 
 def chessboard_exports() -> Iterator[Export]:
+    """The camera, the record of its calibration, and the files of other programs."""
     yield Export(KIND, "camera file", "products/camera.json", "json", tables=(CAMERA_FILE,))
     yield Export(KIND, "calibration record", "products/calibration.json", "json", tables=(CALIBRATION,))
     for known in FORMATS.values():

@@ -64,6 +64,7 @@ def limits_in_words(window: ChosenWindow) -> str:
 
 
 def windows_table(pair: str) -> Table[AssignedWindows]:
+    """The windows that were assigned to the points of a pair."""
     return Table(f"densification/windows/{pair}.json", AssignedWindows)
 
 

@@ -34,6 +34,7 @@ def answer_writes(tile: Tile, size: int) -> dict[str, Raster | Table]:
 
 
 def answer_rasters(asked: DsmCheckStage, passes: Passes) -> Iterator[RasterSpec]:
+    """What the tiles of the answer write: differences and standard errors in m, tests in sigma, codes, coarse blocks."""
     for name in (DH, PRECISION, TEST, DETECTABLE, CORRECTED):
         yield passes.raster(name) if name != TEST else passes.raster(name).model_copy(update={"unit": "sigma"})
     grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
@@ -43,6 +44,7 @@ def answer_rasters(asked: DsmCheckStage, passes: Passes) -> Iterator[RasterSpec]
 
 
 def report_job(asked: DsmCheckStage, passes: Passes, reads: Reads, params: dict[str, Any]) -> Job:
+    """The last job, which puts the tiles together; `reads` and `params`: what only a surface from a file has besides."""
     grid, size = passes.surface.grid, block_size(passes.surface.grid.shape)
     shape = tuple(-(-side // size) for side in grid.shape)
     # A window around every node that the plane of a cell is fitted to: narrower errors lie in a part of that only.
@@ -74,6 +76,7 @@ def report_job(asked: DsmCheckStage, passes: Passes, reads: Reads, params: dict[
 
 
 def exports(asked: DsmCheckStage) -> Iterator[Export]:
+    """The answer as one file of bands, the corrected surface where it came from a file, and the areas."""
     bands = {"dh": DH, "height": CORRECTED, "sigma": PRECISION, "detectable": DETECTABLE, "test": TEST, "code": CHECKED_CODE}
     yield Export(asked.kind, "product", "products/dsm_check.tif", "cog", bands)
     if isinstance(asked.surface, SurfaceFile):

@@ -41,6 +41,7 @@ class PlacedSurface(NamedTuple):
 
 
 def surface_job(asked: DsmCheckStage, view: ProjectView) -> Job:
+    """The job that says which surface is checked, where, and in which cells: the project's own or one from a file."""
     writes: dict[str, Raster | Table] = {"surface": CHECKED_SURFACE}
     if not isinstance(asked.surface, SurfaceFile):
         return Job(stage=asked.kind, item="surface", function=measured_surface, reads={"surface": SURFACE}, writes=writes)

@@ -37,6 +37,7 @@ class CheckSight:
 
 
 def percent(part: int, of: int) -> float:
+    """A part of a number, to 0.01 %; 0 of nothing."""
     return round(100 * part / max(of, 1), 2)
 
 

@@ -50,6 +50,7 @@ def judge_check(judged: JudgedProduct, parts: dict[str, Table]) -> Iterator[Job]
 
 
 def height_job(judged: JudgedProduct, item: str, source: str, t: Tile, writes: dict[str, Raster | Table]) -> Job:
+    """The job that compares a tile of the heights in the raster `source` with the truth or with a reference from a file."""
     own = {"height": source, "precision": PRECISION, "provenance": PROVENANCE}
     reads: Reads = {key: Raster(name, t.window) for key, name in own.items()}
     if isinstance(judged.reference, str):

@@ -22,6 +22,7 @@ FIT = Table("evaluation/grey_fit.json", GreyFit)
 
 
 def difference_raster(judged: JudgedProduct) -> RasterSpec:
+    """Where the orthoimage differs from the reference, grey levels."""
     nan = float("nan")
     return map_raster(
         ORTHO_DIFFERENCE, judged.grid, "float32", judged.crs, judged.tile, nodata=nan, unit="grey levels", axes=ORTHO_AXES
@@ -29,6 +30,7 @@ def difference_raster(judged: JudgedProduct) -> RasterSpec:
 
 
 def sums_job(judged: JudgedProduct, t: Tile, table: Table[GreySums]) -> Job:
+    """The job that sums grey values of a tile and of the reference, to which the orthoimage is fitted as a whole."""
     reads: Reads = {"ortho": Raster(ORTHO, t.window)}
     if isinstance(judged.reference, str):
         reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window, bands=3)
@@ -59,6 +61,7 @@ def sums_job(judged: JudgedProduct, t: Tile, table: Table[GreySums]) -> Job:
 
 
 def ortho_job(judged: JudgedProduct, t: Tile, writes: dict[str, Raster | Table]) -> Job:
+    """The job that compares a tile of the orthoimage with the reference, after the fit of grey values."""
     # the halo: windows of the matching and the way to the nearest roof reach beyond the tile
     window = t.window.grown(HALO).clipped(judged.grid.shape)
     reads: Reads = {"ortho": Raster(ORTHO, window), "height_source": Raster(HEIGHT_SOURCE, window), "fit": FIT}

@@ -100,6 +100,7 @@ def stated_system(lines: Lines) -> str | None:
 
 
 def lacks(what: str, missing: list[str], wanted: tuple[str, ...]) -> str:
+    """The sentence about a list without columns that are needed."""
     return (
         f"The {what} file lacks the column(s) {', '.join(missing)}; its first line must be: {','.join(wanted)} (or name columns as "
         "Pix4D, Metashape and others do)."

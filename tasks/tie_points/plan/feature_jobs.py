@@ -23,6 +23,7 @@ from orthomill.tasks.tie_points.stage import TiePointsStage
 
 
 def feature_jobs(asked: TiePointsStage, photo: Photo) -> Iterator[Job]:
+    """The jobs that find the features of a photograph: by parts, then the strongest of all parts."""
     level = search_level(asked, photo)
     parts = []
     for cell in searched_parts(level_size(photo, level)):

@@ -29,6 +29,7 @@ from orthomill.tasks.tie_points.tracks import observation_key, track_scratch, tr
 
 
 def pair_job(asked: TiePointsStage, left: Photo, right: Photo) -> Job:
+    """The job that finds common points of two photographs, by the search that was asked for."""
     if asked.search.kind == "correlation":
         return _correlation_job(asked, (left, right), asked.search)
     if asked.search.kind == "region_growing":
@@ -107,6 +108,7 @@ def _growing_job(asked: TiePointsStage, pair: tuple[Photo, Photo], search: Growi
 
 
 def count_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int], ...]) -> Job:
+    """The job that chooses, of all matched features, those that are kept."""
     matches = Stream(tuple(pair_tables(photos.names[left], photos.names[right])[0] for left, right in pairs))
     return Job(
         stage=asked.kind,
@@ -121,6 +123,7 @@ def count_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int
 
 
 def track_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int], ...], counts: MatchCounts) -> Job:
+    """The job that joins matches of pairs to tie points. `counts` tell how much memory that takes."""
     names = photos.names
     observations = {observation_key(number): observation_table(name) for number, name in enumerate(names)}
     return Job(

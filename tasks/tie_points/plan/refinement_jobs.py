@@ -29,6 +29,7 @@ from orthomill.tasks.tie_points.tie_point_assembly import Weighting
 
 
 def patch_jobs(asked: TiePointsStage, photo: Photo, tile: int) -> Iterator[Job]:
+    """The jobs that cut the grey values around the observations of a photograph, by strips."""
     for number, strip in enumerate(_strips(asked, photo, tile)):
         yield Job(
             stage=asked.kind,
@@ -55,6 +56,7 @@ def refinement_jobs(asked: TiePointsStage, photos: Photos, links: Links, tile: i
 
 
 def last_job(asked: TiePointsStage, photos: Photos, pairs: tuple[tuple[int, int], ...], links: Links) -> Job:
+    """The job that makes the list of tie points and the report of what all others found."""
     names = photos.names
     # The setting counts pixels of the searched level; with several cameras the coarsest one is the cautious choice.
     coarsest = 2 ** max(search_level(asked, photo) for photo in photos.photos)

@@ -32,14 +32,17 @@ def feature_tables(name: str) -> tuple[Table[Features], Table[Values]]:
 
 
 def observation_table(photo: str) -> Table[Observations]:
+    """The observations of a photograph, before they are refined."""
     return Table(f"tie_points/observations/{photo}.parquet", Observations)
 
 
 def patch_table(photo: str, strip: int) -> Table[Values]:
+    """Grey values around the observations in a strip of a photograph."""
     return Table(f"tie_points/patches/{photo}/{strip}.parquet", Values)
 
 
 def pair_tables(left: str, right: str) -> tuple[Table[PairMatches], Table[PairSummary]]:
+    """The matches of two photographs, and their summary."""
     name = f"{left}+{right}"
     return Table(f"tie_points/matches/{name}.parquet", PairMatches), Table(f"tie_points/matches/{name}.json", PairSummary)
 
@@ -51,6 +54,7 @@ def refined_tables(photo: str) -> tuple[Table[Refined], Table[Scatters]]:
 
 
 def frame_sizes(photos: Photos) -> tuple[tuple[int, int], ...]:
+    """Width and height of each photograph, px."""
     return tuple((photo.width, photo.height) for photo in photos.photos)
 
 
