@@ -6,7 +6,7 @@ plans the stage again when the table or raster exists. Planning must therefore b
 """
 
 from collections.abc import Iterator
-from typing import ClassVar, Protocol, TypeVar
+from typing import ClassVar, Literal, Protocol, TypeVar
 
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.project import MaskFiles, Photographs, Project
@@ -16,6 +16,11 @@ from orthomill.schemas.settings import Settings
 T = TypeVar("T")
 Outline = tuple[tuple[float, float], ...]
 """corners (x, y) on the map, m"""
+
+
+InspectionPart = Literal["cameras", "ties", "surface", "filling", "orthoimage"]
+"""cameras and their places; ties, where the photographs have to say where the ground is; the judgement of the surface; a surface of
+our own for its holes; an orthoimage on it"""
 
 
 # Not an OrthomillError: a handler of errors for users must not intercept this signal to the engine.
@@ -54,13 +59,13 @@ class Stage(Settings):
 
     title: ClassVar[str]
     """The subject of the stage as a noun phrase, for reports and progress lines."""
-    makes_photographs: ClassVar[bool] = False
-    """Whether photographs, positions and control of `kind: simulated` come from it."""
+    provides: ClassVar[frozenset[str]] = frozenset()
+    """The kinds of photographs, positions and control in the project that come from it."""
     for_own_photographs: ClassVar[bool] = True
     """Whether a project with photographs of its own runs it at first: it needs neither known truth nor a reference."""
 
-    judges_surfaces: ClassVar[bool] = False
-    """Whether it takes part where a surface that somebody made is judged by photographs (`orthomill check`)."""
+    inspects: ClassVar[InspectionPart | None] = None
+    """Its part where what somebody made is judged by photographs (`orthomill check`, `accept`); None: it takes none."""
 
     kind: str
 

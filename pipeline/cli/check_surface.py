@@ -30,7 +30,7 @@ from orthomill.pipeline.workflow.yaml_lines import read_yaml
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.project import Project
-from orthomill.schemas.stage_contract import Stage
+from orthomill.schemas.stage_contract import InspectionPart, Stage
 
 _HEAD = "# Written by orthomill check"
 _WHOLE_HEAD = f"{_HEAD}, which writes it anew every time it is called; so does accept --block."
@@ -93,10 +93,9 @@ def block_workflow(
     """The workflow that takes the block of another program as it is, to its orientation; `more`: keys of the project. Raises
     WorkflowError, and ValidationError for what no project can have."""
     project = Project.model_validate(_of_photos(name, None, options, root, catalogue) | more | {"project": name})
-    known = {kind_of(stage): stage for stage in catalogue}
-    kinds = ["photos", "calibration", *(["tie_points"] if _examines(options, root) else []), "orientation"]
+    wanted: tuple[InspectionPart, ...] = ("cameras", *(("ties",) if _examines(options, root) else ()))
     settings = {"orientation": {"exterior": _exterior(_cameras_of(options, root), root)}}
-    stages = tuple(known[kind].model_validate(settings.get(kind, {})) for kind in kinds)
+    stages = tuple(_inspecting(wanted, settings, catalogue))
     path = _written(name, root, workflow_text(project, stages))
     return LoadedWorkflow(project, stages, path, root, path.read_text(encoding="utf-8"))
 
@@ -217,7 +216,6 @@ def _crs_of_block(block: Path | None) -> str | None:
 
 
 def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> Iterator[Stage]:
-    known = {kind_of(stage): stage for stage in catalogue}
     oriented = options.block is not None or options.project is not None
     settings: dict[str, dict[str, Any]] = {
         "dsm_check": {
@@ -237,14 +235,23 @@ def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[t
         settings["orientation"] = {"exterior": _exterior(_cameras_of(options, root), root)}
     if not options.fill:
         settings["epipolar"] = {"images": "none"}
-    judging = [kind_of(stage) for stage in catalogue if stage.judges_surfaces]
-    kinds = [kind for kind in judging if not (oriented and kind == "tie_points" and not _examines(options, root))]
-    if options.fill:
-        kinds.insert(kinds.index("dsm_check"), "densification")
-    if options.ortho:
-        kinds.append("texture")
-    for kind in kinds:
-        yield known[kind].model_validate(settings.get(kind, {}))
+    wanted: dict[InspectionPart, bool] = {
+        "cameras": True,
+        "ties": not oriented or _examines(options, root),
+        "surface": True,
+        "filling": options.fill,
+        "orthoimage": options.ortho,
+    }
+    yield from _inspecting(tuple(part for part, needed in wanted.items() if needed), settings, catalogue)
+
+
+def _inspecting(
+    wanted: tuple[InspectionPart, ...], settings: dict[str, dict[str, Any]], catalogue: tuple[type[Stage], ...]
+) -> Iterator[Stage]:
+    """The stages that take one of the parts, with their settings by kind."""
+    for stage in catalogue:
+        if stage.inspects in wanted:
+            yield stage.model_validate(settings.get(kind_of(stage), {}))
 
 
 def _examines(options: CheckOptions, root: Path) -> bool:

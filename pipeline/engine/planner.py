@@ -108,7 +108,7 @@ class Planner:
     def image_files(self, source: Photographs | MaskFiles, simulated_folder: str = "photographs") -> tuple[str, ...]:
         if source.kind != "simulated":
             return self.list_images(source)
-        makers = [stage.kind for stage in self.stages if stage.makes_photographs]
+        makers = [stage.kind for stage in self.stages if source.kind in stage.provides]
         if not makers:
             raise WorkflowError("The photographs are simulated, but the workflow has no stage that simulates them; add it first.")
         if not set(makers) <= self.complete:

@@ -28,7 +28,6 @@ from orthomill.schemas.project import MaskFiles, PhotoFolder, PhotoList, Project
 from orthomill.schemas.project_paths import FileRole, file_roles, words_of
 from orthomill.schemas.stage_contract import Stage
 
-REGISTRATION = "registration"
 _MAP_SUFFIXES = (".tif", ".tiff")
 _LONGEST_PATH, _LONGEST_NAME = 4000, 255
 """bytes; Linux allows 4096, the project's folder included"""
@@ -77,23 +76,14 @@ def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) ->
         mistakes.add(("stages", index), f"{kind} requires {names}, which is not in this workflow; add '- {missing[0]}' before it.")
 
 
-def check_simulation(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
-    """Simulated data need the stage that simulates them."""
-    makers = [kind_of(stage) for stage in catalogue if stage.makes_photographs]
-    if not makers or set(makers) & set(kinds.names):
-        return
+def check_sources(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
+    """Sources of the project that a stage provides need that stage."""
     for name in ("photographs", "positions", "control"):
-        if getattr(project, name).kind == "simulated":
-            mistakes.add((name,), f"is simulated, but no stage '{makers[0]}' is in this workflow; add '- {makers[0]}' first.")
-
-
-def check_registration(project: Project, kinds: Kinds, mistakes: Mistakes) -> None:
-    """Control from scans needs the stage that registers them."""
-    if project.control.kind == "scans" and REGISTRATION not in kinds.names:
-        mistakes.add(
-            ("control",),
-            f"comes from scans, but no stage '{REGISTRATION}' is in this workflow; add '- kind: {REGISTRATION}' with them.",
-        )
+        source = getattr(project, name).kind
+        makers = [kind_of(stage) for stage in catalogue if source in stage.provides]
+        if makers and not set(makers) & set(kinds.names):
+            missing = f"is '{source}', but no stage '{makers[0]}', which provides that, is in this workflow"
+            mistakes.add((name,), f"{missing}; add '- kind: {makers[0]}' first.")
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:

@@ -18,15 +18,7 @@ from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.workflow.mistakes import Mistakes, nearest, renamed_sentences, stage_kind
-from orthomill.pipeline.workflow.workflow_checks import (
-    Kinds,
-    check_crs,
-    check_files,
-    check_registration,
-    check_simulation,
-    check_stages,
-    kind_of,
-)
+from orthomill.pipeline.workflow.workflow_checks import Kinds, check_crs, check_files, check_sources, check_stages, kind_of
 from orthomill.pipeline.workflow.workflow_text import workflow_text
 from orthomill.pipeline.workflow.yaml_lines import SIZE_LIMIT, Document, YamlError, read_yaml
 from orthomill.schemas.errors import WorkflowError
@@ -116,8 +108,7 @@ def load_workflow(path: Path, catalogue: tuple[type[Stage], ...]) -> LoadedWorkf
     kinds = _kinds(document, catalogue)
     stages = _stages(document, catalogue, mistakes, root, renamed)
     check_stages(kinds, catalogue, mistakes)
-    check_simulation(project, kinds, catalogue, mistakes)
-    check_registration(project, kinds, mistakes)
+    check_sources(project, kinds, catalogue, mistakes)
     # Raised only here, after all checks: a user who corrects one mistake at a time runs the command as often.
     mistakes.raise_if_any()
     return LoadedWorkflow(project, stages, Path(path), root, text, renamed_sentences(renamed, mistakes))

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 
 Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"]
 LensChoice = Literal["automatic", "brown", "rational", "thin_prism", "fisheye", "division"]
@@ -16,7 +16,7 @@ class CalibrationStage(Stage):
     """Determines the interior orientation from the source that the project names."""
 
     title: ClassVar[str] = "Interior orientation"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "cameras"
     kind: Literal["calibration"] = "calibration"
     parameters: tuple[Parameter, ...] = setting(
         (),

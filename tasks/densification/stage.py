@@ -16,7 +16,7 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, Guide, TiePointGuide
 from orthomill.tasks.densification.settings.guided_matching import Guided
 from orthomill.tasks.densification.settings.line_locus_settings import LineLocus
@@ -68,6 +68,7 @@ class DensificationStage(Stage):
     """A surface model with a precision for every height, from matching of the photographs."""
 
     title: ClassVar[str] = "Dense matching and surface model"
+    inspects: ClassVar[InspectionPart | None] = "filling"
 
     kind: Literal["densification"] = "densification"
     cell: Literal["auto"] | Annotated[float, Field(gt=0)] = setting(

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.dsm_check.comparison_settings import NodeMatching
 from orthomill.tasks.dsm_check.height_correction import Correction, RayCorrection
 from orthomill.tasks.dsm_check.surfaces.checked_surface import CheckedSurface, DensifiedSurface, SurfaceFile
@@ -26,7 +26,7 @@ class DsmCheckStage(Stage):
     """Two orthoimages made with the surface must agree; where they do not, their shift gives the error of the height."""
 
     title: ClassVar[str] = "Surface model check"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "surface"
 
     kind: Literal["dsm_check"] = "dsm_check"
     surface: CheckedSurface = setting(DensifiedSurface(), "The surface that is checked.")

@@ -11,7 +11,7 @@ from pydantic import Field
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.epipolar.pair_choice import PairChoice
 
 
@@ -19,7 +19,7 @@ class EpipolarStage(Stage):
     """Normal-case images of the useful pairs: axes parallel, base along x, homologous points on one row, distortion removed."""
 
     title: ClassVar[str] = "Epipolar images"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "surface"
 
     kind: Literal["epipolar"] = "epipolar"
     pairs: PairChoice = setting(PairChoice(), "Which pairs of photographs are used.")

@@ -10,7 +10,7 @@ from orthomill.schemas.observations import CONTROL
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import refuse_ignored, setting
-from orthomill.schemas.stage_contract import Outline, ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, Outline, ProjectView, Stage
 from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice, NoVariation, VariationChoice, WeightedInterior
 from orthomill.tasks.orientation.orientation_settings import Adjusted, ExteriorSource, ForeignSource, Looking, ShiftChoice
 from orthomill.tasks.orientation.sources.elevation_model import ElevationFile
@@ -34,7 +34,7 @@ class OrientationStage(Stage):
     """Relative orientation of pairs, then a bundle adjustment with control, GNSS positions and check points."""
 
     title: ClassVar[str] = "Relative and block orientation"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "cameras"
     kind: Literal["orientation"] = "orientation"
     exterior: ExteriorSource = setting(
         Adjusted(kind="adjusted"),

@@ -7,7 +7,7 @@ from orthomill.schemas.job import Export, Job
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.photos.coordinates import Digital, ImageCoordinates
 
 
@@ -15,7 +15,7 @@ class PhotosStage(Stage):
     """Reads JPEG, TIFF and PNG photographs of 8 or 16 bits, grey or RGB."""
 
     title: ClassVar[str] = "Photographs"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "cameras"
     kind: Literal["photos"] = "photos"
     coordinates: ImageCoordinates = setting(
         Digital(kind="digital"), "How image coordinates follow from pixels: digital cameras, or scans of film photographs."

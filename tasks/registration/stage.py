@@ -14,6 +14,7 @@ class RegistrationStage(Stage):
     """Joint registration of scans: a rotation and a translation of each, from control and the targets that they share."""
 
     title: ClassVar[str] = "Registration of scans"
+    provides: ClassVar[frozenset[str]] = frozenset({"scans"})
     kind: Literal["registration"] = "registration"
     paths: tuple[ProjectPath, ...] = setting(
         ...,

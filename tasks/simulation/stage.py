@@ -36,7 +36,7 @@ class SimulationStage(Stage):
     and a survey, with known truth."""
 
     title: ClassVar[str] = "Simulated photographs"
-    makes_photographs: ClassVar[bool] = True
+    provides: ClassVar[frozenset[str]] = frozenset({"simulated"})
     for_own_photographs: ClassVar[bool] = False
 
     kind: Literal["simulation"] = "simulation"

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.colouring.colour_settings import ColourSettings
 
 
@@ -47,6 +47,7 @@ class TextureStage(ColourSettings, Stage):
     """Colours every ground cell from all photos that actually see it: a true orthoimage."""
 
     title: ClassVar[str] = "True orthoimage"
+    inspects: ClassVar[InspectionPart | None] = "orthoimage"
 
     kind: Literal["texture"] = "texture"
     cell: Annotated[float, Field(gt=0)] | Literal["auto"] = setting(

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.settings import Settings, refuse_ignored, setting
-from orthomill.schemas.stage_contract import ProjectView, Stage
+from orthomill.schemas.stage_contract import InspectionPart, ProjectView, Stage
 from orthomill.tasks.matching.least_squares.least_squares_settings import LeastSquaresMatching
 from orthomill.tasks.tie_points.search_settings import LEAST_SHARE, CorrelationSearch, GrowingSearch
 
@@ -28,7 +28,7 @@ class TiePointsStage(Stage):
     """Finds points that two or more photographs show and refines their measurements."""
 
     title: ClassVar[str] = "Tie points"
-    judges_surfaces: ClassVar[bool] = True
+    inspects: ClassVar[InspectionPart | None] = "ties"
     kind: Literal["tie_points"] = "tie_points"
     search: Search = setting(
         FeatureSearch(kind="features"),

@@ -93,7 +93,7 @@ class SimulationStage(Stage):
     """Stands for the stage that renders photographs."""
 
     title: ClassVar[str] = "Simulated photographs"
-    makes_photographs: ClassVar[bool] = True
+    provides: ClassVar[frozenset[str]] = frozenset({"simulated"})
     kind: Literal["simulation"] = "simulation"
 
     def plan(self, view):

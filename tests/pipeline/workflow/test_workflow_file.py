@@ -14,6 +14,7 @@ from pydantic import TypeAdapter
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow, load_workflow, project_root, resolve_workflow, write_workflow
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.project import CameraSource, ControlSource, Positions, Project
+from orthomill.tasks import catalogue
 
 
 @pytest.fixture
@@ -123,6 +124,17 @@ def test_one_wrong_setting_gives_one_clear_sentence(root, setting, expected):
 )
 def test_the_list_of_stages_must_make_sense(root, stages, expected):
     assert expected in only(root, f"{HEAD}{stages}\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "maker"), [("positions", "simulated", "simulation"), ("control", "scans", "registration")]
+)
+def test_what_a_stage_provides_needs_that_stage(root, name, source, maker):
+    (root / "marks.csv").write_text("")
+    more = ", measurements: marks.csv" if source == "scans" else ""
+    text = HEAD + f"{name}: {{kind: {source}{more}}}\nstages: [photos]\n"
+    with pytest.raises(WorkflowError, match=rf"{name}: is '{source}', but no stage '{maker}'.*add '- kind: {maker}' first\.$"):
+        load_workflow(workflow(root, text), catalogue.STAGES)
 
 
 def test_a_repeated_key_is_refused_where_it_is_repeated(root):
