@@ -32,6 +32,9 @@ WAVE = 2000
 """Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
 PATIENCE = 0.5
 """seconds after which waiting for a job looks whether the user wants to stop"""
+LIVES = 5
+"""Times that a job whose workers died is handed out where workers come and go; each time Dask itself allows for several deaths. It
+counts every job that waited at a worker which died, and most of them it had not begun: each time such a job comes sooner."""
 DECLINED = 1.0
 """seconds that a worker which may do no job waits until it says so: it would be given all that wait, one after the other"""
 _ACCEPTED: set[Terms] = set()
@@ -106,6 +109,8 @@ class DaskRunner:
         """those that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
         self._started: Counter[Key] = Counter()
+        self._killed: Counter[Key] = Counter()
+        """how often Dask gave up a job because its workers died"""
         self._alone: Key | None = None
         """the job that has all memory for itself"""
         self._unusable: set[Key] = set()
@@ -145,7 +150,8 @@ class DaskRunner:
         some = self.workforce.suited(memory)
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
         sent = (execute_sent, order.key, dumps(order.work), self._terms, memory)
-        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, workers=some, pure=False)
+        sooner = self._killed[order.key]
+        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, workers=some, priority=sooner, pure=False)
         self._orders[order.key], self._futures[order.key] = order, future
         if some is None:
             self._for_some.pop(order.key, None)
@@ -164,8 +170,7 @@ class DaskRunner:
         if self._blocked:
             return Finished(self._blocked.popleft(), "blocked")
         key, future = self._next_ended()
-        while future.status == "error" and isinstance(error := future.exception(), Declined):
-            self._declined(key, error)
+        while future.status == "error" and self._handed_out_again(key, future.exception()):
             key, future = self._next_ended()
         if future.cancelled():
             # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
@@ -182,13 +187,28 @@ class DaskRunner:
         self._fill()
         return finished
 
-    def _declined(self, key: Key, error: Declined) -> None:
-        """Hand a job out again that its worker, or that of a job before it, did not do."""
+    def _handed_out_again(self, key: Key, error: BaseException) -> bool:
+        """Hand a job out again where the reason is the worker, its own or that of a job before it; otherwise False."""
+        if isinstance(error, Declined):
+            self._look_at(error)
+        elif not isinstance(error, KilledWorker) or not self._spared(key, error.task[:-1]):
+            return False
+        self._start(self._orders[key])
+        return True
+
+    def _look_at(self, error: Declined) -> None:
         if error.why:
             self.workforce.dismiss(error.worker, error.why)
         else:
             self.workforce.has_only(error.worker, error.room)
-        self._start(self._orders[key])
+
+    def _spared(self, key: Key, died: Key) -> bool:
+        """Whether the job whose workers died, this one or one before it, gets others. Workers of this machine die of their jobs."""
+        if self._terms is None:
+            return False
+        if died == key:
+            self._killed[key] += 1
+        return died not in self._unusable and self._killed[died] < LIVES
 
     def _next_ended(self) -> tuple[Key, Future]:
         """The next future that has ended and is still in that state: Dask revokes results of workers that died since."""

@@ -58,8 +58,8 @@ class Client:
 
 @pytest.fixture
 def runner_of(tmp_path):
-    def build(*items: str, **planned: tuple) -> DaskRunner:
-        runner = DaskRunner(Client(**planned), 2**30, "a test")
+    def build(*items: str, terms: object = None, **planned: tuple) -> DaskRunner:
+        runner = DaskRunner(Client(**planned), 2**30, "a test", terms=terms)
         previous: tuple = ()
         for item in items:
             work = JobOrder(
@@ -151,6 +151,33 @@ def test_every_end_of_a_job_has_its_status_and_sentence(runner_of, answer, statu
     ended = runner.next()
     assert (ended.key, ended.status, ended.sentence) == (("a", "one", 0, 0), status, sentence)
     assert not runner.busy
+
+
+def statuses(runner):
+    ends = []
+    while runner.busy:
+        finished = runner.next()
+        ends.append((finished.key[1], finished.status))
+    return ends
+
+
+def test_a_job_whose_workers_were_killed_beside_it_is_handed_out_again_and_sooner(runner_of):
+    runner = runner_of("one", "two", terms="terms", one=killed("one"), two=killed("one"))
+    runner.client.planned = {}
+    assert statuses(runner) == [("one", "done"), ("two", "done")]
+    assert [(key[1], options["priority"]) for key, _, options in runner.client.submitted[2:]] == [("one", 1), ("two", 0)]
+
+
+def test_a_job_that_kills_every_worker_fails_at_last_and_what_waits_for_it_is_blocked(runner_of):
+    runner = runner_of("one", "two", terms="terms", one=killed("one"), two=killed("one"))
+    assert statuses(runner) == [("one", "failed"), ("two", "blocked")]
+    given = [key[1] for key, _, _ in runner.client.submitted].count("one")
+    assert given == runner_module.LIVES, "a limited number of times"
+
+
+def test_a_worker_of_this_machine_dies_of_its_job(runner_of):
+    runner = runner_of("one", one=killed("one"))
+    assert statuses(runner) == [("one", "failed")] and len(runner.client.submitted) == 1
 
 
 def test_a_lost_scheduler_is_not_taken_for_a_failed_job(runner_of):
