@@ -522,6 +522,14 @@ _ALL = (
         ("pipeline/engine",),
         words="[JOBS [BUSY]]",
     ),
+    Study(
+        "killed_workers",
+        "trust.killed_workers",
+        "a run on a cluster whose workers are killed again and again",
+        "minutes",
+        ("pipeline/engine",),
+        words="[SECONDS [PROJECT [WORKERS]]]",
+    ),
     # serving
     Study(
         "killed_node",

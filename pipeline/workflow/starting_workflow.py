@@ -64,10 +64,7 @@ def write_starting_workflow(
 ) -> StartingWorkflow:
     """Write workflows/<name>.yaml below `root`. `look` tells what the tags say, and which photographs make the block. Raises
     WorkflowError rather than overwrite anything."""
-    _check_name(name)
-    path = root / "workflows" / f"{name}.yaml"
-    if path.exists():
-        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
+    path = new_workflow(name, root)
     survey = survey_photographs(photos, root)
     if crs and (mistake := unfit_crs(crs, survey)):
         raise WorkflowError(mistake)
@@ -83,6 +80,15 @@ def write_starting_workflow(
     except OSError as error:
         raise StoreError(f"{shown(path)} cannot be written ({error.strerror}).") from error
     return StartingWorkflow(path, survey, seen, tuple(_notes(block, crs)))
+
+
+def new_workflow(name: str, root: Path) -> Path:
+    """Where the workflow of a new project goes. Raises WorkflowError for a name that cannot be one, or is taken."""
+    _check_name(name)
+    path = root / "workflows" / f"{name}.yaml"
+    if path.exists():
+        raise WorkflowError(f"{shown(path)} exists already and is not overwritten; choose another name or delete it.")
+    return path
 
 
 def unfit_crs(crs: str, survey: Survey) -> str:

@@ -20,7 +20,9 @@ starting.add_typer(inspect, name="inspect")
 @starting.command()
 def init(
     name: Annotated[str, typer.Argument(help="Name of the new project.")],
-    photos: Annotated[Path, typer.Option(help="Folder with the photographs.")],
+    photos: Annotated[
+        str, typer.Option(help="Folder with the photographs, or s3://bucket/prefix (gs://, az://): fetched into the project.")
+    ],
     crs: Annotated[str | None, typer.Option(help="Projected CRS, e.g. EPSG:32634; proposed from GPS when left out.")] = None,
     debug: Debug = False,
 ) -> None:
@@ -32,10 +34,26 @@ def init(
     from orthomill.tasks.lookups import look_ahead
 
     with plain_errors(debug):
-        start = write_starting_workflow(name, photos, Path.cwd(), STAGES, crs, outlook(look_ahead, STAGES, Path.cwd()))
+        folder = _photographs(name, photos)
+        start = write_starting_workflow(name, folder, Path.cwd(), STAGES, crs, outlook(look_ahead, STAGES, Path.cwd()))
         for note in (*found_lines(start.survey, start.look), *start.notes):
             out.print(escape(note), soft_wrap=True)
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
+
+
+def _photographs(name: str, place: str) -> Path:
+    """The folder with the photographs; those of an object store are brought into the project first."""
+    from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs, is_address
+    from orthomill.pipeline.workflow.starting_workflow import new_workflow
+
+    if not is_address(place):
+        return Path(place)
+    new_workflow(name, Path.cwd())
+    folder = Path("photographs") / name
+    found = fetched_photographs(place, folder, err.print)
+    left = f"; {found.left} objects of other kinds were left there" if found.left else ""
+    out.print(f"{found.files} files of {place} lie in {folder} now, {found.new} of them new{left}.", soft_wrap=True, markup=False)
+    return folder
 
 
 @starting.command()

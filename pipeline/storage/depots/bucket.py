@@ -151,6 +151,11 @@ class Bucket:
     def names(self, folder: str) -> Iterator[str]:
         yield from sorted(str(entry["path"]) for entry in self._listed(folder))
 
+    def objects(self) -> Iterator[tuple[str, int, float]]:
+        """All objects: name, bytes, and when they changed, in seconds since 1970. Raises StoreError."""
+        for entry in self._listed(""):
+            yield str(entry["path"]), int(entry["size"]), entry["last_modified"].timestamp()
+
     def _listed(self, folder: str) -> Iterator[Any]:
         import obstore
 
