@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import cast
 
 from distributed import Client, Future, KilledWorker, get_worker, performance_report
 from distributed.comm import CommClosedError
@@ -191,7 +192,7 @@ class DaskRunner:
         """Hand a job out again where the reason is the worker, its own or that of a job before it; otherwise False."""
         if isinstance(error, Declined):
             self._look_at(error)
-        elif not isinstance(error, KilledWorker) or not self._spared(key, error.task[:-1]):
+        elif not isinstance(error, KilledWorker) or not self._spared(key, error):
             return False
         self._start(self._orders[key])
         return True
@@ -202,10 +203,11 @@ class DaskRunner:
         else:
             self.workforce.has_only(error.worker, error.room)
 
-    def _spared(self, key: Key, died: Key) -> bool:
+    def _spared(self, key: Key, error: KilledWorker) -> bool:
         """Whether the job whose workers died, this one or one before it, gets others. Workers of this machine die of their jobs."""
-        if self._terms is None:
+        if self._terms is None or not isinstance(error.task, tuple):
             return False
+        died = cast(Key, error.task[:-1])
         if died == key:
             self._killed[key] += 1
         return died not in self._unusable and self._killed[died] < LIVES

@@ -20,6 +20,10 @@ def plane(slope: tuple[float, float] = (0.2, -0.1)) -> np.ndarray:
     return 50.0 + slope[0] * ROW + slope[1] * COL
 
 
+def plane_of(rows: np.ndarray) -> np.ndarray:
+    return (50.0 + 0.2 * rows).astype(np.float32)
+
+
 def gap() -> np.ndarray:
     return (ROW - 30) ** 2 / 100 + (COL - 35) ** 2 / 225 < 1
 
@@ -72,6 +76,12 @@ def samples(distance, bend, off, ring=0) -> GroundSamples:
     )
 
 
+def between(bend: float, beside: float = 0.0) -> GapFill:
+    """A cell between ground (or beside it), six cells from it."""
+    six, none = np.full(1, 6.0, np.float32), np.zeros(1, np.uint8)
+    return GapFill(np.zeros((1, 1)), six, none, np.full(1, beside, np.float32), np.full(1, bend, np.float32))
+
+
 def noise(count: int, sigma: float) -> np.ndarray:
     return np.random.default_rng(3).normal(0, sigma, count)
 
@@ -91,12 +101,27 @@ def test_the_share_of_a_bend_that_hidden_ground_shows_is_added_and_its_error_gro
     bend = np.random.default_rng(5).normal(0, 0.5, 4000)
     errors = learned_errors((samples(6.0, bend, 0.6 * bend + noise(4000, 0.1) * (1 + 3 * np.abs(bend))),), 1.0, 4)
     assert errors.enclosed.found[3] == pytest.approx(0.6, abs=0.05)
-    flat, bent = (
-        GapFill(np.zeros((1, 1)), np.full(1, 6.0, np.float32), np.zeros(1, np.uint8), np.full(1, b, np.float32)) for b in (0, 1)
-    )
+    flat, bent, torn = (between(b) for b in (0.0, 1.0, 40.0))
     assert errors.at(bent)[0][0] == pytest.approx(0.6, abs=0.06) and errors.at(bent)[1][0] > 2 * errors.at(flat)[1][0]
-    torn = GapFill(np.zeros((1, 1)), np.full(1, 6.0, np.float32), np.zeros(1, np.uint8), np.full(1, 40.0, np.float32))
     assert errors.at(torn)[0][0] < 2.0 < 30 < errors.at(torn)[1][0], "a bend beyond any that was seen is an error, not ground"
+
+
+def test_ground_between_and_ground_beside_what_is_known_meet_without_a_step():
+    """The widest angle without ground jumps from cell to cell where patches lie far away; terraces of half a metre followed it."""
+    rows, cols = np.mgrid[:90, :120]
+    shore = rows > 60
+    patches = shore | ((np.hypot(rows - 20, cols - 40) < 4) & ((rows + cols) % 5 == 0))
+    alone, both = (fill_gaps(plane_of(rows)[..., None], known, ~known, 120) for known in (shore, patches))
+    assert alone.beside[40, 60] > 0.85 and fill_gaps(plane()[..., None], ~gap(), gap(), 40).beside[30, 35] < 0.05
+    assert both.enclosed[~patches].any() and not both.enclosed[~patches].all() and np.ptp(both.beside[30:60]) > 0.5
+    far = (np.hypot(rows - 20, cols - 40) > 12) & (rows < 56)
+    jump = np.abs(np.diff(both.beside, axis=0))[far[1:] & far[:-1]]
+    assert jump.max() < 0.3 and np.quantile(jump, 0.99) < 0.15, (jump.max(), np.quantile(jump, 0.99))
+    bend = np.random.default_rng(5).normal(0, 0.5, 4000)
+    errors = learned_errors((samples(6.0, bend, 0.6 * bend + noise(4000, 0.1)),), 1.0, 4)
+    none, half, whole = (errors.at(between(1.0, share)) for share in (0.0, 0.5, 1.0))
+    for one, middle, other in zip(none, half, whole, strict=True):
+        assert middle[0] == pytest.approx((one[0] + other[0]) / 2) and one[0] != other[0]
 
 
 def test_without_hidden_ground_the_error_is_that_of_hilly_land():

@@ -50,7 +50,8 @@ def corrected_ground(blocks: np.ndarray, rings: np.ndarray, expected: np.ndarray
     there, and the expected ones, by their standard errors."""
     where = np.isfinite(expected[..., 2])
     height, border, distance, bend = (expected[where, k] for k in range(expected.shape[-1]))
-    near = GapFill(values=height[:, None], distance=distance, open_side=np.zeros(len(height), np.uint8), bend=bend)
+    inside = np.zeros(len(height), np.uint8)
+    near = GapFill(values=height[:, None], distance=distance, open_side=inside, beside=inside.astype(np.float32), bend=bend)
     added, error = errors.at(near)
     lifted = np.array([0.0, *errors.lifted])[np.minimum(rings[where], len(errors.lifted))]
     own, other = blocks[where, 1].astype(np.float64) ** 2, np.hypot(border, error).astype(np.float64) ** 2

@@ -78,7 +78,8 @@ class FillErrors(BaseModel):
         known = np.isfinite(fill.distance)
         place = np.log2(np.maximum(np.where(known, fill.distance, 1.0), 1e-3))
         inside, outside = (self._side(place, fill.bend, side) for side in (self.enclosed, self.one_sided))
-        added, error = (np.where(fill.enclosed, one, other) for one, other in zip(inside, outside, strict=True))
+        # From one to the other without a step, which would be one of the ground.
+        added, error = (one + fill.beside * (other - one) for one, other in zip(inside, outside, strict=True))
         return np.where(known, added, 0.0).astype(np.float32), np.where(known, error, np.nan).astype(np.float32)
 
     def _side(self, place: np.ndarray, bend: np.ndarray, side: SideErrors) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +148,7 @@ def _one_class(bend: np.ndarray, off: np.ndarray) -> tuple[float, float, float, 
     if level <= 0.0:
         level, slope = 0.25 * rest.mean(), 0.75 * rest.mean() / max(square.mean(), 1e-18)
     # Errors of ground have longer tails than a normal law: two standard errors are to hold what they promise.
-    scale = float(np.quantile(np.sqrt(rest / (level + slope * square)), _TWO_SIGMA)) / 2.0
+    scale = float(np.quantile(np.sqrt(rest / np.maximum(level + slope * square, 1e-18)), _TWO_SIGMA)) / 2.0
     return found, largest, scale * float(np.sqrt(level)), scale * float(np.sqrt(slope))
 
 

@@ -28,6 +28,8 @@ _WIDEST = LONGEST_SLOPE // 2
 """cells, half of the greatest width: with the slope beyond it, nothing counts that is twice the longest one beyond the reach"""
 _FULL = 0.95
 """share of its width at which a cone ends"""
+_BETWEEN, _BESIDE = 0.4, 1.0
+"""unevenness of the directions up to which a cell lies between known ones, and from which on beside them"""
 _UNITS = 2.0**24
 """of whole numbers to the metre: their sums are exact, so that a tile gives the bits of the whole"""
 
@@ -36,12 +38,13 @@ class GapFill(NamedTuple):
     """Of every cell (rows, cols): `values` (rows, cols, bands) float32, heights and, if there are more, their standard errors and
     anything else, NaN where no ray found one; `distance` float32, the
     harmonic mean of the distances in cells, 0 at known cells; `open_side` uint8, the widest angle without a known cell, in
-    directions; `bend` float32: by how much the slopes beyond the border, followed to the cell, lie above the first of the
-    values."""
+    directions; `beside` float32: 0 between known cells, 1 beside them, as if they filled a half plane, and all that lies between;
+    `bend` float32: by how much the slopes beyond the border, followed to the cell, lie above the first of the values."""
 
     values: np.ndarray
     distance: np.ndarray
     open_side: np.ndarray
+    beside: np.ndarray
     bend: np.ndarray
 
     @property
@@ -76,8 +79,9 @@ def _along(part, r, c, dy, dx):
 
 
 @njit()
-def _fill(sums, free, places, holes, reach, across, down, filled, distance, open_side, bend):
-    """Fills `filled` (N, bands) m, `distance` in cells, `open_side` in directions and `bend` m (N,) of the cells `places` (N, 2).
+def _fill(sums, free, places, holes, reach, across, down, filled, distance, open_side, beside, bend):
+    """Fills `filled` (N, bands) m, `distance` in cells, `open_side` in directions, `beside` and `bend` m (N,) of the cells
+    `places` (N, 2).
 
     sums (rows + 1, cols + 1, 3 + bands) int64 as of `_summed`; `free` (rows, cols) the cells to the nearest known one along rows,
     columns and diagonals; cones go along (across, down) (K,), up to `reach` cells; `holes` (N,) bool are left as they are where a
@@ -89,6 +93,7 @@ def _fill(sums, free, places, holes, reach, across, down, filled, distance, open
     for n in range(places.shape[0]):
         r, c = places[n]
         weights, followed, lowest, missed = 0.0, 0.0, np.inf, 0
+        east, south = 0.0, 0.0
         total[:] = 0.0
         sides[:] = 0.0
         for k in range(count):
@@ -139,6 +144,7 @@ def _fill(sums, free, places, holes, reach, across, down, filled, distance, open
                         if 2.0 * step > base:
                             followed += weight * (height - beyond[3] / beyond[0]) * away / step
             found[k] = rest < 0.5
+            east, south = east + (1.0 - rest) * across[k], south + (1.0 - rest) * down[k]
             missed = 0 if found[k] else missed + 1
             if holes[n] and missed >= QUARTER:
                 weights = 0.0
@@ -151,9 +157,10 @@ def _fill(sums, free, places, holes, reach, across, down, filled, distance, open
                 filled[n, 1] = np.sqrt((sides * sides).sum()) / weights / _UNITS
             distance[n] = count / weights
             open_side[n] = _open_side(found)
+            uneven = np.sqrt(east * east + south * south) * np.pi / count
+            beside[n] = min(max((uneven - _BETWEEN) / (_BESIDE - _BETWEEN), 0.0), 1.0)
             bend[n] = followed / weights / _UNITS
-            if open_side[n] < HALF:
-                bend[n] = max(bend[n], lowest / _UNITS - filled[n, 0])
+            bend[n] += (1.0 - beside[n]) * max(lowest / _UNITS - filled[n, 0] - bend[n], 0.0)
 
 
 def _summed(values: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -179,12 +186,12 @@ def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: 
     filled = np.where(known[..., None], values, np.nan).astype(np.float32)
     distance = np.where(known, 0.0, np.inf).astype(np.float32)
     open_side = np.where(known, 0, DIRECTIONS).astype(np.uint8)
-    bend = np.zeros(known.shape, np.float32)
+    beside, bend = np.zeros(known.shape, np.float32), np.zeros(known.shape, np.float32)
     at = np.nonzero(wanted & ~known)
     free = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_C, 3) if known.any() else np.full(known.shape, reach + 1.0)
-    own = filled[at], distance[at], open_side[at], bend[at]
+    own = filled[at], distance[at], open_side[at], beside[at], bend[at]
     inside = np.zeros(len(at[0]), bool) if holes is None else holes[at]
     rays = np.cos(angle), np.sin(angle)
     _fill(_summed(filled, known), np.asarray(free, np.float32), np.column_stack(at), inside, float(reach), *rays, *own)
-    filled[at], distance[at], open_side[at], bend[at] = own
-    return GapFill(filled, distance, open_side, bend)
+    filled[at], distance[at], open_side[at], beside[at], bend[at] = own
+    return GapFill(filled, distance, open_side, beside, bend)
