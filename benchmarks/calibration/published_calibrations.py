@@ -16,6 +16,7 @@ from benchmarks.calibration.board_setups import FIVE_BOARDS, PUBLISHED, SIX_BOAR
 from benchmarks.calibration.calibration_accuracy import NOISE, corners_of
 from benchmarks.calibration.horizon_pose import pose_by_horizon
 from benchmarks.instrument.result_page import write_page
+from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.boards.board_bundle import BoardAdjustment
 from orthomill.tasks.calibration.naming.board_names import name_boards, plane_views
 from orthomill.tasks.calibration.solving.arranging import arrangement_of
@@ -29,6 +30,8 @@ LARGE_BOARD = {"boards": 1, "board": BoardType((12, 9), 0.1, 0.02), "straight": 
 SINGLE = replace(SIX_BOARDS, name="six_boards, one board", **LARGE_BOARD)
 SINGLE_LONGER = replace(SIX_BOARDS_LONGER, name="six_boards_longer, one board", **LARGE_BOARD)
 NAMES = ("c", "x0", "y0", "k1", "k2")
+DRAWS = 15
+"""other photographs of the same set-up with which a table may begin"""
 
 
 @dataclass(frozen=True)
@@ -136,10 +139,46 @@ def table_rows(table: Published) -> list[str]:
     return [*cells, f"| {table.table} | **falls by** | | {falls} |"]
 
 
-def correlation_rows() -> list[str]:
-    """The largest correlations that the published text states, several boards and one, 11 and 14 photographs."""
+def falls_of(table: Published) -> np.ndarray:
+    """(n, 5): by how much the standard errors fall to those of the whole table when it begins with other photographs of it."""
+    first, whole = min(table.rows), max(table.rows)
+    corners = corners_of(replace(table.setup, photos=whole), table.rows[whole][5], 0)
+    last = standard_errors(arrangement_of(corners.found, corners.target).result)
+    random, falls = np.random.default_rng(1), []
+    while len(falls) < DRAWS:
+        chosen = [corners.found[k] for k in np.sort(random.permutation(whole)[:first])]
+        try:
+            falls.append(standard_errors(arrangement_of(chosen, corners.target).result) / last)
+        except GeometryError:
+            # Three photographs from one side do not determine a camera.
+            continue
+    return np.array(falls)
+
+
+def fall_rows() -> list[str]:
+    """Of every table the published falls, and the least, the median and the largest of those of other first photographs."""
     out = []
-    for setup, photos in ((SIX_BOARDS, 11), (SINGLE, 11), (SIX_BOARDS_LONGER, 14), (SINGLE_LONGER, 14)):
+    for table in TABLES:
+        there, here = gain(np.array([row[:5] for row in table.rows.values()])), falls_of(table)
+        cells = (
+            f"{printed:.1f} / {low:.1f}, {middle:.1f}, {high:.1f}"
+            for printed, low, middle, high in zip(there, *np.quantile(here, (0.0, 0.5, 1.0), axis=0), strict=True)
+        )
+        out.append(f"| {table.table} | {min(table.rows)} of {max(table.rows)} | {' | '.join(cells)} |")
+    return out
+
+
+def correlation_rows() -> list[str]:
+    """The largest correlations that the published text states, several boards and one, 11 and 14 photographs; the single boards
+    from farther away as well, where they fill less of the frame."""
+    out = []
+    farther = [
+        replace(one, name=f"{one.name}, {times:g} times as far", back=times)
+        for one in (SINGLE, SINGLE_LONGER)
+        for times in (1.5, 2.0)
+    ]
+    listed = ((SIX_BOARDS, 11), (SINGLE, 11), (SIX_BOARDS_LONGER, 14), (SINGLE_LONGER, 14))
+    for setup, photos in (*listed, *((one, 11 if "longer" not in one.name else 14) for one in farther)):
         table = correlations(adjusted(setup, photos, 0.35))
         pairs = (("c", "Z0"), ("x0", "phi"), ("y0", "omega"), ("k1", "Z0"))
         cells = [f"{table.largest[table.rows.index(a), table.columns.index(b)]:.0%}" for a, b in pairs]
@@ -182,6 +221,15 @@ def page() -> str:
             f"| table | set-up | photographs | {columns} |",
             "| --- " * 8 + "|",
             *(line for table in TABLES for line in table_rows(table)),
+            "",
+            "## Falls with other first photographs",
+            "",
+            f"Which photographs a table begins with is not printed. {DRAWS} random draws of as many from all of the last row: "
+            "published / least, median, largest fall.",
+            "",
+            "| table | photographs | " + " | ".join(f"sigma {name}" for name in NAMES) + " |",
+            "| --- " * 7 + "|",
+            *fall_rows(),
             "",
             "## Correlations, largest over the photographs",
             "",

@@ -69,8 +69,8 @@ def parts_of(ground: Ground) -> list[Ground]:
     return found
 
 
-def told(ground: Ground, folder: Path, block: Path, surface: str, planted: tuple[float, float, float]) -> Told | None:
-    """One surface, displaced and checked; None where no shift in plan can be told."""
+def told(ground: Ground, folder: Path, block: Path, surface: str, planted: tuple[float, float, float]) -> Told:
+    """One surface, displaced and checked; NaN in plan where only the height is told."""
     heights = SURFACES[surface](ground.heights)
     grid = ground.grid.model_copy(
         update={
@@ -83,12 +83,15 @@ def told(ground: Ground, folder: Path, block: Path, surface: str, planted: tuple
     with tempfile.TemporaryDirectory() as place:
         checked(replace(ground, grid=grid), heights + planted[2], folder, Path(place), "shifted", block)
         says = summary(Path(place), "shifted")
-    found = [says[f"dsm_check.shift_{axis}"]["value"] for axis in ("east", "north", "up")]
-    if None in found:
-        return None
-    plan = says["dsm_check.shift_plan_sigma"]["value"]
+    found = [_number(says, f"shift_{axis}") for axis in ("east", "north", "up")]
+    plan = _number(says, "shift_plan_sigma")
     errors = tuple(f - p for f, p in zip(found, planted, strict=True))
-    return Told(surface, planted, errors, (plan, plan, says["dsm_check.shift_up_sigma"]["value"]))
+    return Told(surface, planted, errors, (plan, plan, _number(says, "shift_up_sigma")))
+
+
+def _number(says: dict, figure: str) -> float:
+    value = says[f"dsm_check.{figure}"]["value"]
+    return float("nan") if value is None else float(value)
 
 
 def page(folder: Path, sides: tuple[int, int]) -> str:
@@ -99,26 +102,27 @@ def page(folder: Path, sides: tuple[int, int]) -> str:
         block.write_text(Store(folder).table(TRUTH_BLOCK).model_dump_json())
         tries = [(surface, part, planted) for surface in SURFACES for part, planted in zip(parts_of(ground), SHIFTS, strict=True)]
         found = [told(part, folder, block, surface, planted) for surface, part, planted in tries]
-    all_told = [one for one in found if one is not None]
-    lines = ["# Shift of a surface from elsewhere", "", _head(ground, len(found) - len(all_told)), ""]
+    ratios = np.array([one.ratios for one in found])
+    lines = ["# Shift of a surface from elsewhere", "", _head(ground, int(np.isnan(ratios[:, 0]).sum())), ""]
     lines += ["| surface | within 1 (%) | within 2 | within 3 | largest |", "| --- | --- | --- | --- | --- |"]
-    for name, chosen in (("all", all_told), *((name, [one for one in all_told if one.surface == name]) for name in SURFACES)):
-        ratios = np.concatenate([one.ratios for one in chosen])
-        shares = " | ".join(f"{100 * (ratios <= k).mean():.0f}" for k in (1, 2, 3))
-        lines.append(f"| {name} | {shares} | {ratios.max():.1f} |")
-    for axis, name in enumerate(("east", "north", "up")):
-        ratios = np.array([one.ratios[axis] for one in all_told])
-        shares = " | ".join(f"{100 * (ratios <= k).mean():.0f}" for k in (1, 2, 3))
-        lines.append(f"| {name} | {shares} | {ratios.max():.1f} |")
+    lines.append(_shares("all", ratios))
+    lines += [_shares(name, ratios[[one.surface == name for one in found]]) for name in SURFACES]
+    lines += [_shares(name, ratios[:, axis]) for axis, name in enumerate(("east", "north", "up"))]
     lines += ["", "| surface | planted: east, north, up (m) | error (m) | stated standard error (m) | ratio |"]
-    return "\n".join([*lines, "| --- | --- | --- | --- | --- |", *map(_row, all_told), ""])
+    return "\n".join([*lines, "| --- | --- | --- | --- | --- |", *map(_row, found), ""])
+
+
+def _shares(name: str, ratios: np.ndarray) -> str:
+    told = ratios[np.isfinite(ratios)]
+    shares = " | ".join(f"{100 * (told <= k).mean():.0f}" for k in (1, 2, 3))
+    return f"| {name} | {shares} | {told.max():.1f} |"
 
 
 def _head(ground: Ground, untold: int) -> str:
     rows, cols = (side // count for side, count in zip(ground.heights.shape, PARTS, strict=True))
     return (
         f"Parts of {rows} x {cols} cells of {ground.grid.cell:g} m, true orientation. Shares of errors within 1, 2, 3 stated "
-        f"standard errors (68, 95, 99.7 due); {untold} parts told no shift in plan."
+        f"standard errors (68, 95, 99.7 due); {untold} parts tell the height alone."
     )
 
 

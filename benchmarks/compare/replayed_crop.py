@@ -19,6 +19,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, EpipolarPairs, epipolar_raster
 from orthomill.schemas.job import Export, Job, MapFile, Raster, Reading, Region, Stream, Table
 from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window
 from orthomill.schemas.stage_contract import NotYet
 from orthomill.schemas.surface import SURFACE, Surface
@@ -69,7 +70,7 @@ class Replay:
 
     @property
     def project(self) -> SimpleNamespace:
-        return SimpleNamespace(tile=512, crs=self.crop.store.table(BLOCK).crs)
+        return SimpleNamespace(tile=512, crs=self.crop.store.table(BLOCK).crs, grid=MapSurface())
 
     def table(self, table: Table) -> Any:
         """As a stage asks for it while it plans."""

@@ -60,8 +60,9 @@ def entrance() -> PublishedBlock:
     return PublishedBlock(views, to_system(places), 10, 0.003, 0.25)
 
 
-def site(part: int) -> PublishedBlock:
-    """Application 3, its parts 1 to 3: 17, 16 and 10 photographs, points of the cloud (7 mm) as control, 0.54 to 0.61 px."""
+def site(part: int, relief: float = 1.0) -> PublishedBlock:
+    """Application 3, its parts 1 to 3: 17, 16 and 10 photographs, points of the cloud (7 mm) as control, 0.54 to 0.61 px. relief:
+    times the depth of the low wall of part 3."""
     generator = np.random.default_rng(30 + part)
     c = 3415.0
     camera = Camera(
@@ -74,7 +75,7 @@ def site(part: int) -> PublishedBlock:
     else:
         # A wall at right angles to the low one is all the depth of part 3.
         low = np.where(np.arange(80) % 8, generator.uniform(0.0, 0.15, 80), generator.uniform(-1.2, 0.0, 80))
-        depth = np.where(np.arange(80) % 2, 2.5, 0.0) if part == 2 else low
+        depth = np.where(np.arange(80) % 2, 2.5, 0.0) if part == 2 else relief * low
         places = np.column_stack([generator.uniform(-5, 5, 80), depth, generator.uniform(0, 3, 80)])
     along = np.linspace(-4.5, 4.5, count)
     views = []

@@ -12,6 +12,10 @@ PUBLISHED = {
     "3.1 curved wall": (lambda: site(1), "4.9 / 3.1 / 7.3"),
     "3.2 two parallel walls": (lambda: site(2), "6.3 / 3.2 / 4.3"),
     "3.3 low wall, one strip": (lambda: site(3), "17.4 / 10.3 / 13.3"),
+    **{
+        f"3.3 with {times:g} times its relief": (lambda times=times: site(3, times), "17.4 / 10.3 / 13.3")
+        for times in (0.5, 1.5, 2)
+    },
 }
 
 
@@ -23,7 +27,8 @@ def main(words: list[str]) -> None:
         words,
         f"# Self-calibrating bundles of the published applications\n\n{SEEDS} seeds each. Objects and stations are ours: the "
         "report prints neither. True over formal: root mean square of errors in formal standard errors, over c, x0, y0, k1, k2. "
-        "Apart: how far photographs find the same place of the true surface from each other, what blurs a blend.\n\n"
+        "Apart: how far photographs find the same place of the true surface from each other, what blurs a blend. Relief is all "
+        "that tells c from the distance in a strip of parallel photographs, so that the last part is shown with several.\n\n"
         "| application | sigma c / x0 / y0, px | published | true over formal | sigma0 over true | apart, px |\n"
         f"| --- | --- | --- | --- | --- | --- |\n{rows}\n",
     )

@@ -205,7 +205,7 @@ def finished_cells(
 def _rated(measured: FusedCells, volume: VolumeWindow, tile: SurfaceTile, differences: MatchingDifferences) -> FusedCells:
     """The cells with their standard errors among neighbours."""
     if tile.window_cells:
-        relative = wall_blind_precision(measured, volume, tile.step, tile.window_cells)
+        relative = wall_blind_precision(measured, volume, tile.window_cells)
         return FusedCells(measured.height, relative, measured.count, measured.provenance)
     ground = matched_ground(measured, tile.step)
     relative = relative_precision(measured, volume, ground, differences)

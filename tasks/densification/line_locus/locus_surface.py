@@ -11,7 +11,6 @@ from orthomill.schemas.surface import Provenance, SurfacePoints
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.filling import without
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.wall_blind_errors import SHARE
 from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_tile import SurfaceCells, SurfaceRules, SurfaceTile, finished_cells, surface_cells
 from orthomill.tasks.densification.volume.quality import Judgement
@@ -30,9 +29,8 @@ def make_line_surface(
 def _measured(nodes: np.ndarray, photographs: np.ndarray, outcome: np.ndarray) -> FusedCells:
     accepted, paired = outcome == Outcome.CONVERGED, photographs == 2
     code = np.where(paired, np.uint8(Provenance.ONE_PAIR), np.uint8(Provenance.VOLUME))
-    # A top that no parabola has is as uncertain as can be, but a number: NaN would stand for the precision of a volume.
-    # The share is that of nodes between which cells are interpolated; a line stands in the middle of its cell.
-    sigma = np.where(accepted, np.minimum(nodes[..., 1], np.float32(1e3)) / SHARE, np.float32(np.nan))
+    # A top that no parabola has is as uncertain as can be, but a number: NaN would stand for no height.
+    sigma = np.where(accepted, np.minimum(nodes[..., 1], np.float32(1e3)), np.float32(np.nan))
     return FusedCells(
         np.where(accepted, nodes[..., 0], np.float32(np.nan)),
         sigma,

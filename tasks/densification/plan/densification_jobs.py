@@ -118,7 +118,7 @@ def _pairs_alone(asked: DensificationStage, view: ProjectView, surface: Surface,
         yield from model_plan(matching.guide, surface, asked.kind, view.table(BLOCK).crs)
     for pair in pairs:
         yield from strategy_plan(pair, matching, surface, asked.kind)
-    yield from _tiles(asked, view).jobs(_nodes_of_pairs(view, surface, matching.step, matching.window), pairs)
+    yield from _tiles(asked, view).jobs(_nodes_of_pairs(view, surface, matching.step, matching.window, matching.reach), pairs)
     yield _report_of_pairs(asked, pairs)
 
 
@@ -158,8 +158,9 @@ def _lines(asked: DensificationStage, view: ProjectView, surface: Surface, match
     yield Job(stage=asked.kind, item="report", function=line_report, reads=reads, writes={"report": report_table(asked.kind)})
 
 
-def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int) -> SurfaceSource:
-    """A surface from nothing but nodes, `step` px apart, that windows of `window` px measured."""
+def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int, reach: int = 1) -> SurfaceSource:
+    """A surface from nothing but nodes, `step` px apart, that windows of `window` px measured; reach: how many wide the ground
+    is of which a height may be that of anything."""
     return SurfaceSource(
         function=make_pair_surface,
         rasters={},
@@ -167,7 +168,7 @@ def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int)
         ground=view.table(BLOCK).ground_mean,
         step=0.0,
         node_step=step,
-        window_cells=window_cells(window, view.table(PAIRS).pairs, surface),
+        window_cells=reach * window_cells(window, view.table(PAIRS).pairs, surface),
     )
 
 

@@ -31,6 +31,8 @@ class PairStrategy(Settings):
     )
     steps: ClassVar[tuple[str, ...]] = ()
     """the steps that work on the photographs themselves, as part.matching"""
+    reach: ClassVar[int] = 1
+    """windows wide is the ground of which a height may be that of anything"""
 
     @model_validator(mode="after")
     def _chooses_what_is_assigned(self) -> Self:
@@ -78,6 +80,8 @@ class CoarseToFine(PairStrategy):
 
     kind: Literal["pyramid"]
     steps: ClassVar[tuple[str, ...]] = ("pyramid.fine",)
+    # The finest level searches a few pixels about what the next coarser one found with windows twice as wide on the ground.
+    reach: ClassVar[int] = 2
 
     @property
     def window(self) -> int:

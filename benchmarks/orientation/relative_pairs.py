@@ -1,0 +1,79 @@
+"""What `orthomill relative` states of pairs, beside the truth: `python -m benchmarks relative_pairs RUN...`.
+
+Of every epipolar pair of finished runs of simulated scenes the five unknowns of the dependent form and those of five rotations are
+compared with what the true block gives for them: from the tie points alone, and from the adjusted block. Shares of errors within 1,
+2 and 3 of their own standard errors. A start that went wrong is one that the command names and replaces.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.instrument.result_page import write_page
+from benchmarks.measured_run import run_folders
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.epipolar import PAIRS
+from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.inspections.inspection import PairForms
+from orthomill.schemas.observations import TIE_POINTS
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.truth import TRUTH_BLOCK
+from orthomill.tasks.orientation.relative.classical_forms import classical_forms
+
+
+def told(run: Path) -> Iterator[tuple[PairForms, PairForms]]:
+    """Of every pair what the command says, and the same of the true block, whose own figures are the truth."""
+    store = Store(run)
+    photos, points = store.table(PHOTOS), store.table(TIE_POINTS)
+    for pair in store.table(PAIRS).pairs:
+        try:
+            yield tuple(  # type: ignore[misc]
+                classical_forms(store.table(table), photos, points, pair.left, pair.right) for table in (BLOCK, TRUTH_BLOCK)
+            )
+        except GeometryError:
+            continue
+
+
+def ratios(pairs: list[tuple[PairForms, PairForms]], form: str) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) errors in their own standard errors: from the tie points, from the block."""
+    both = [
+        (own, true)
+        for said, truth in pairs
+        for own, true in zip(said.unknowns, truth.unknowns, strict=True)
+        if own.form == form and own.sigma_of_points
+    ]
+    of_points = [abs(own.of_points - true.of_block) / own.sigma_of_points for own, true in both if own.sigma_of_points]
+    of_block = [abs(own.of_block - true.of_block) / own.sigma_of_block for own, true in both if own.sigma_of_block]
+    return np.array(of_points), np.array(of_block)
+
+
+def rows(run: Path) -> Iterator[str]:
+    """The lines of a run."""
+    pairs = list(told(run))
+    wrong = sum(said.failed_start is not None for said, _ in pairs)
+    for form in ("dependent", "five rotations"):
+        cells = [
+            " / ".join(f"{100 * (part <= k).mean():.0f}" for k in (1, 2, 3)) + f" | {part.max():.1f}"
+            for part in ratios(pairs, form)
+        ]
+        yield f"| {run.name} | {len(pairs)} | {wrong} | {form} | {' | '.join(cells)} |"
+
+
+def main(words: list[str]) -> None:
+    """Write the page of the finished runs that are named."""
+    lines = [
+        "# Relative orientations of pairs, as they are stated",
+        "",
+        (__doc__ or "").split("\n\n", 1)[1].replace("\n", " ").strip(),
+    ]
+    lines += [
+        "",
+        "| run | pairs | starts that went wrong | form | tie points: within 1 / 2 / 3, % | largest | block: within 1 / 2 / 3, % ",
+    ]
+    lines[-1] += "| largest |"
+    lines.append("| --- " * 8 + "|")
+    for run in run_folders(words):
+        lines += rows(run)
+    write_page("relative_pairs", words, "\n".join([*lines, ""]))
