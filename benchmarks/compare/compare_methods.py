@@ -147,8 +147,8 @@ counted, so that the row of the default says how well it repeats itself, and tho
 size of the block; it is searched only as far from it as tie points lie (`python -m benchmarks guide_model` tells what that saves).
 
 Shares of a part are not those of a project. The town's part is a square of 220 m in its centre, densified by itself and judged
-without a rim of 40 cells. The figure that holds for the whole project `volos` is that of `benchmarks/results/volos.md`: there the
-default measures 95.5 % of the cells that two photographs truly see.
+without a rim of 40 cells. What the default measures of the whole project `volos` stands in `benchmarks/results/volos.md` ("measured
+heights, of cells truly seen twice").
 
 Windows that know no walls have wide standard errors beside them, and most of these methods are too careful on open ground.
 """
