@@ -60,9 +60,11 @@ def wheel(tmp_path_factory) -> Path:
 
 
 def test_the_wheel_brings_one_name_and_all_that_is_no_code(wheel):
-    names = zipfile.ZipFile(wheel).namelist()
+    names = (made := zipfile.ZipFile(wheel)).namelist()
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"orthomill"}
     assert {"orthomill/pipeline/report/templates/report.html", "orthomill/tasks/simulation/textures/village.jpg"} <= set(names)
+    # A link in the checkout, a file in the wheel.
+    assert made.read("orthomill/pipeline/cli/volos_small.yaml") == (ROOT / "workflows" / "volos_small.yaml").read_bytes()
     modules = {name for name in names if name.endswith(".py")}
     assert len(modules) == len({path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")})
 
