@@ -59,11 +59,11 @@ test: $(STAMP) ## Run all tests, on two processes
 test-fast: $(STAMP) ## Run the cheapest tests, on two processes
 	@$(BIN)/python -m pytest -m "not slow" $(PROCESSES)
 
-test-times: $(STAMP) ## Run all tests and write which are left out by test-fast, by what they take
+test-times: $(STAMP) ## Run all tests (options: some) and write which are left out by test-fast, by what they take
 	@rm -f .cache/test_times
 	@mkdir -p .cache
-	@ORTHOMILL_TEST_TIMES=$(CURDIR)/.cache/test_times $(BIN)/python -m pytest $(PROCESSES) || true
-	@$(BIN)/python tests/support/engine/measured_tests.py .cache/test_times
+	@ORTHOMILL_TEST_TIMES=$(CURDIR)/.cache/test_times $(BIN)/python -m pytest $(PROCESSES) $(options) || true
+	@$(BIN)/python tests/support/engine/measured_tests.py .cache/test_times $(if $(options),some)
 
 test-slow: $(STAMP) ## Run the tests that take minutes
 	@$(BIN)/python -m pytest -m slow

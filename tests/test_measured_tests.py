@@ -18,6 +18,11 @@ def test_a_dear_fixture_makes_its_file_slow():
     assert slow_tests(rows) == ["a.py::one", "a.py::two"]
 
 
+def test_what_was_not_run_stays_slow():
+    rows = [f"{BUDGET / 4} call a.py::one", f"{BUDGET} call a.py::two"]
+    assert slow_tests(rows, ("a.py::one", "c.py::three")) == ["a.py::two", "c.py::three"]
+
+
 def test_all_tests_of_the_list_exist():
     listed = SLOW.read_text().split()
     assert listed == sorted(set(listed))
