@@ -90,14 +90,19 @@ def fitted_whole(network: Network, state: State, huber: float = np.inf) -> State
     surveyed = np.flatnonzero(network.point_weight.any(axis=1))
     middle, size = _extent(state)
 
+    by_centre = np.sqrt(factors.centre[:, None] * network.centre_weight)
+    by_point = np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed])
+    by_vertical, by_distance = np.sqrt(network.vertical_weight)[:, None], np.sqrt(factors.distance * network.distances.weight)
+    has_vertical = bool(by_vertical.any())
+
     def misfits(motion: np.ndarray) -> np.ndarray:
         # Only surveyed points enter the misfits; moving all others in every difference quotient would cost most of the time.
         moved = WholeMotion(motion, middle, size).of(state, surveyed)
         known = [
-            np.sqrt(factors.centre[:, None] * network.centre_weight) * position_residuals(network, moved),
-            np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed]) * (network.point - moved.point)[surveyed],
-            np.sqrt(network.vertical_weight)[:, None] * vertical_residuals(network, moved),
-            np.sqrt(factors.distance * network.distances.weight) * distance_residuals(network, moved),
+            by_centre * position_residuals(network, moved),
+            by_point * (network.point - moved.point)[surveyed],
+            by_vertical * (vertical_residuals(network, moved) if has_vertical else 0.0),
+            by_distance * distance_residuals(network, moved),
         ]
         return np.concatenate([part.ravel() for part in known])
 
