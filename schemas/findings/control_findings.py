@@ -227,16 +227,29 @@ class HeightsUnknown(_OfControl):
     """whether their height is 0, where others have real ones, or all of them have it"""
     left_out: tuple[str, ...] = ()
     """check points, which check nothing without a height"""
+    numbers: tuple[float, ...] = ()
+    """what stands in their place, where a program has written numbers for no height"""
+    alone: bool = False
+    """whether no other point has a height, nor any photograph a position"""
 
     @property
     def sentence(self) -> str:
         why = "have the height 0 among others that are far from it" if self.zero else "have no height"
+        if self.numbers:
+            numbers = " or ".join(f"{number:.0f}" for number in self.numbers)
+            why = f"have the height {numbers}, as programs write it where they know none,"
+        if self.alone:
+            return (
+                f"All surveyed points {why.rstrip(',')}, and nothing else holds the block in height: they were put to the height "
+                "0, and the block is tilted and put to heights that are not its own. Give their heights."
+            )
         lost = f" {some_of(self.left_out)}, as check points, were left out." if self.left_out else ""
-        return f"Surveyed points that {why} are used in plan only: {some_of(self.points)}.{lost}"
+        real = " A height that is real is taken with its decimals, as 9999.01." if self.numbers else ""
+        return f"Surveyed points that {why} are used in plan only: {some_of(self.points)}.{lost}{real}"
 
     @property
     def grave(self) -> bool:
-        return bool(self.left_out)
+        return bool(self.left_out) or self.alone
 
 
 class HeightsInFeet(_OfControl):

@@ -11,7 +11,8 @@ _MEANINGS: dict[str, str] = {
     "sourcefile img camera_label photo_id image_path path bild bildname bilddatei foto fotoname datei dateiname fichier nom_image "
     "imagen archivo immagine",
     "name": "name label point point_name point_id pointid id target station marker marker_name gcp gcp_name gcp_label gcp_id pt "
-    "pt_id pkt nr no point_number point_no point_nr point# pno pt_no number punkt punktnummer punktname",
+    "pt_id pkt nr no point_number point_no point_nr point# pno pt_no number punkt punktnummer punktname nom punto "
+    "nombre nome numero numéro ponto punt",
     "role": "role",
     "kind": "type kind point_type usage gcp/check gcp_type marker_type",
     "enabled": "enable enabled use used active",
@@ -35,7 +36,7 @@ _MEANINGS: dict[str, str] = {
     "sigma_northing northing_std",
     "sigma_z": "sigma_z sz sd_z std_z stdz accuracy_z z_accuracy acc_z accz accuracy_vert accuracy_vertical vertical_accuracy "
     "accv acc_v vacc v_accuracy sigma_h sigma_u sigma_up sdu std_u stdu sd_u sigma_height height_accuracy altitude_accuracy sv "
-    "vert_acc vertical_acc rtkstdhgt gpszaccuracy sigma_alt elevation_rms std_h error_z alt_accuracy accuracy_alt "
+    "stddev_h stdev_h vert_acc vertical_acc rtkstdhgt gpszaccuracy sigma_alt elevation_rms std_h error_z alt_accuracy accuracy_alt "
     "accuracy_altitude",
     "sigma_plan": "accuracy_x/y accuracy_xy xy_accuracy accuracy_horz accuracy_horizontal horizontal_accuracy acch acc_h hacc "
     "h_accuracy sh horiz_acc horizontal_acc sigma_plan sigma_xy gpsxyaccuracy accuracy_hz lateral_rms",

@@ -9,6 +9,9 @@ import re
 UNKNOWN = frozenset({"", "nan", "n/a", "na", "none", "null", "-", "--", "?"})
 """cells that say that a number is not known"""
 
+STAND_INS = frozenset({-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0, 32767.0, -32767.0, -32768.0})
+"""heights that programs write where they know none: no ground and no camera has any of them"""
+
 # Not `float` alone, which takes "1_000", "infinity" and digits of other scripts.
 _PLAIN = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
 # Between thousands stand an apostrophe (Switzerland), blanks that do not break (France) or the sign that is not that of decimals.

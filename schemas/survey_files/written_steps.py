@@ -16,10 +16,13 @@ METRES_OF_A_DEGREE = 111_200.0
 
 
 def written_step(words: Iterable[str], enough: int) -> float:
-    """The step to which plain numbers are written, in their unit; 0 where fewer than `enough` differ, or one is written otherwise
-    (with minutes, or signs between thousands)."""
-    own = {word.strip() for word in words if word.strip()}
-    return min(map(_step, own)) if len(own) >= enough else 0.0
+    """The step to which plain numbers are written, in their unit; 0 where fewer than `enough` differ and they have no decimals, or
+    one is written otherwise (with minutes, or signs between thousands)."""
+    listed = [word.strip() for word in words if word.strip()]
+    steps = [_step(word) for word in listed]
+    # Degrees with three decimals are alike all over a site: that all have as many decimals is no chance.
+    alike = len(listed) >= enough and 0.0 < min(steps) == max(steps) < 1.0
+    return min(steps) if alike or len(set(listed)) >= enough else 0.0
 
 
 def lost_digits(word: str) -> bool:

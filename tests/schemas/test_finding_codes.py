@@ -131,7 +131,7 @@ CONTROL_VALUES = {
     "measurements_reduced": {"measurements": 25, "outside": 20, "factor": 5.0},
     "control_exchanged": {"points": 5, "crs": "EPSG:2180"},
     "control_in_degrees": {"points": 5},
-    "heights_unknown": {"points": ("P1", "P2"), "zero": True, "left_out": ("P2",)},
+    "heights_unknown": {"points": ("P1", "P2"), "zero": True, "left_out": ("P2",), "numbers": (-9999.0,), "alone": True},
     "heights_in_feet": {"crs": "EPSG:26849", "unit_m": 0.3048006096, "converted": True},
     "datum_apart": {"crs": "EPSG:32632", "fits": "EPSG:23032", "distance_m": 197.4},
     "coordinates_rounded": {"points": 5, "plan_m": 1.0, "height_m": None},

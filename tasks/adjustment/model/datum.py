@@ -61,6 +61,7 @@ def prior_cost(network: Network, state: State, huber: float = np.inf) -> float:
         + np.einsum("ci,cij,cj->", value, network.interior.weight, value)
         + _variation_cost(network, state)
         + (network.lever_weight * (network.lever - state.lever) ** 2).sum()
+        + (network.shift_weights * state.shift[: network.shifts] ** 2).sum()
         + huber_cost(size.distance, huber)
     )
 
@@ -161,6 +162,9 @@ def _prior(network: Network, state: State, factors: PriorFactors) -> Iterator[tu
     if len(network.lever_columns):
         alike = np.broadcast_to(np.eye(3), (len(network.lever), 3, 3))
         yield network.lever_columns, alike, alike * network.lever_weight, network.lever - state.lever
+    if network.shift_weights.any():
+        single = np.ones((network.shifts, 1, 1))
+        yield network.shift_columns[:, None], single, single * network.shift_weights[:, None, None], -state.shift[:, None]
     if len(network.kept):
         weight = (factors.point[:, None] * network.point_weight)[network.kept]
         alike = np.broadcast_to(np.eye(3), (len(network.kept), 3, 3))

@@ -128,7 +128,8 @@ class Network:
     camera_of (P,); centre, centre_weight (P, 3) GNSS positions; point, point_weight (N, 3) control; vertical_weight (P,) 1/rad^2
     of the verticality constraint, whose expected direction is `up` (3,) or (P, 3) in the image system: (0, 0, 1) for a photograph
     that looks straight down; shift (P, 3): the number of the unknown shift that each coordinate of a GNSS position contains (-1:
-    none), ascending from 0, those of one flight for instance; free: no datum, inner constraints instead.
+    none), ascending from 0, those of one flight for instance; shift_weight (S,) 1/m^2: how well it is known that a shift is zero
+    (empty: nothing is known of any); free: no datum, inner constraints instead.
     lever (G, 3) m as in `State`, unknowns where lever_weight (3,) 1/m^2 is above 0; receiver (P,): numbers of the receivers, one
     for each drone (empty: one for all); gnss_group (P,): numbers of the groups of positions that were measured alike, each with a
     variance component of its own (empty: all were); kept (K,) ascending numbers of the points that
@@ -144,6 +145,7 @@ class Network:
     point_weight: np.ndarray
     vertical_weight: np.ndarray
     shift: np.ndarray = field(default_factory=lambda: NOT_SHIFTED)
+    shift_weight: np.ndarray = field(default_factory=lambda: np.zeros(0))
     free: bool = False
     lever: np.ndarray = field(default_factory=lambda: np.zeros((1, 3)))
     lever_weight: np.ndarray = field(default_factory=lambda: np.zeros(3))
@@ -212,6 +214,11 @@ class Network:
     def shifts(self) -> int:
         """The number of unknown shifts."""
         return int(self.shift.max(initial=-1)) + 1
+
+    @property
+    def shift_weights(self) -> np.ndarray:
+        """(S,) 1/m^2 of the shifts; 0: nothing is known."""
+        return self.shift_weight if len(self.shift_weight) else np.zeros(self.shifts)
 
     @property
     def shift_columns(self) -> np.ndarray:
@@ -287,6 +294,7 @@ class Network:
             + (known & self.interior.free & ~self.interior.considered).sum()
             + self.variation_columns.size
             + self.lever_columns.size
+            + (self.shift_weights > 0).sum()
             + (self.distances.weight > 0).sum()
         )
 

@@ -69,7 +69,7 @@ def height_trend(xy: np.ndarray, difference: np.ndarray) -> HeightTrend | None:
     fitted = int(np.linalg.matrix_rank(design, tol=1e-6 * np.linalg.norm(design)))
     redundancy = len(xy) - fitted
     scatter = float(np.sqrt((rest**2).sum() / redundancy)) if redundancy > 0 else np.inf
-    alike = np.sqrt((1.0 + (r := _autocorrelation(rest, fitted))) / (1.0 - r))
+    alike = np.sqrt((1.0 + (r := autocorrelation(rest, fitted))) / (1.0 - r))
     sigma = scatter * alike * np.linalg.norm(inverse, axis=1)
     return HeightTrend(found / unit, sigma / unit, scatter, radius)
 
@@ -78,8 +78,9 @@ def _design(away: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(away)), away, (away**2).sum(axis=1)])
 
 
-def _autocorrelation(rest: np.ndarray, fitted: int) -> float:
-    """That of neighbours in time, 0 to SMOOTH: the standard error of a mean grows with its positive values only."""
+def autocorrelation(rest: np.ndarray, fitted: int) -> float:
+    """That of neighbours in time of residuals (n,) after `fitted` coefficients, 0 to SMOOTH: the standard error of a mean grows
+    with its positive values only."""
     square = float((rest**2).sum())
     if not square > 0:
         return 0.0

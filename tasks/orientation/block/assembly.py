@@ -12,7 +12,7 @@ import numpy as np
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.observations import Control, ControlPoint
-from orthomill.schemas.orientation import SourceStatement
+from orthomill.schemas.orientation import PositionOffset, SourceStatement
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.collinearity import BEHIND, residuals
 from orthomill.tasks.adjustment.model.network import Distances, Network, Rays, State
@@ -89,7 +89,8 @@ class Problem:
 class BlockResults:
     """All that the tables are made from; `findings` about sources and cameras; `restart` (C,) px: camera constants with which the
     start is to be made again (NaN: as given; None: all are); `statements`: what each source says of the block; `zooms`:
-    photographs that may have other camera constants."""
+    photographs that may have other camera constants; `offsets`: constant errors of positions; `own` (P, 3) m: standard errors of
+    the own parts of the positions, where they are told apart from what flights have in common."""
 
     cameras: Cameras
     problem: Problem
@@ -99,6 +100,8 @@ class BlockResults:
     restart: np.ndarray | None = None
     statements: tuple[SourceStatement, ...] = ()
     zooms: tuple[OwnConstant, ...] = ()
+    offsets: tuple[PositionOffset, ...] = ()
+    own: np.ndarray | None = None
 
 
 def taking_part(control: Control) -> list[ControlPoint]:

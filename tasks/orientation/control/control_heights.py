@@ -4,6 +4,8 @@ A point without a height holds the block in plan only: its height gets a standar
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,7 @@ from orthomill.schemas.findings.control_findings import (
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS
+from orthomill.schemas.survey_files.written_numbers import STAND_INS
 from orthomill.tasks.geometry.survey_system import ellipsoidal, height_unit, survey_crs, transform_surveyed, vertical_name
 
 FREE = 300.0
@@ -32,10 +35,18 @@ _ABOVE = 1.5
 """times as high as the highest camera: where control of a flight lies so high, its heights are in feet"""
 
 
+def without_stand_ins(points: tuple[ControlPoint, ...]) -> tuple[tuple[ControlPoint, ...], dict[str, float]]:
+    """The points with NaN as height where a program has written a number for none, and these numbers by name."""
+    numbers = {point.name: point.xyz[2] for point in points if point.role != "tie" and point.xyz[2] in STAND_INS}
+    bare = (point.model_copy(update={"xyz": (*point.xyz[:2], math.nan)}) if point.name in numbers else point for point in points)
+    return tuple(bare), numbers
+
+
 def with_free_heights(
-    points: tuple[ControlPoint, ...], photos: Photos, crs: str
+    points: tuple[ControlPoint, ...], photos: Photos, crs: str, stand_ins: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[tuple[ControlPoint, ...], tuple[ControlFinding, ...]]:
-    """Surveyed points whose heights are unknown, with a standard error that says so, and what was found."""
+    """Surveyed points whose heights are unknown, with a standard error that says so, and what was found; `stand_ins` as in
+    `without_stand_ins`."""
     surveyed = [point for point in points if point.role != "tie"]
     missing = {point.name for point in surveyed if math.isnan(point.xyz[2])}
     known = [point for point in surveyed if point.name not in missing]
@@ -51,7 +62,12 @@ def with_free_heights(
         found.append(HeightsUnknown(points=tuple(sorted(zero)), zero=True, left_out=_checks(known, zero)))
         missing |= zero
     if nan := {point.name for point in surveyed if math.isnan(point.xyz[2])}:
-        found.append(HeightsUnknown(points=tuple(p.name for p in surveyed if p.name in nan), left_out=_checks(surveyed, nan)))
+        numbers = tuple(sorted({value for name, value in stand_ins.items() if name in nan}))
+        names = tuple(point.name for point in surveyed if point.name in nan)
+        found.append(HeightsUnknown(points=names, left_out=_checks(surveyed, nan), numbers=numbers, alone=not known and not placed))
+    if missing and not known and not placed:
+        # Nothing else holds the block in height: the points keep a common one.
+        return tuple(_at_zero(point) if point.name in missing else point for point in points), tuple(found)
     if not missing:
         return points, tuple(found)
     heights = [point.xyz[2] for point in known if point.name not in missing] or placed or [0.0]
@@ -67,6 +83,10 @@ def _all_high(heights: list[float]) -> bool:
 
 def _checks(points: list[ControlPoint], names: set[str]) -> tuple[str, ...]:
     return tuple(point.name for point in points if point.name in names and point.role == "check")
+
+
+def _at_zero(point: ControlPoint) -> ControlPoint:
+    return point.model_copy(update={"xyz": (*point.xyz[:2], 0.0)})
 
 
 def _free(point: ControlPoint, height: float) -> ControlPoint:

@@ -34,7 +34,12 @@ from orthomill.tasks.orientation.control.absent_photographs import Rule
 from orthomill.tasks.orientation.control.coded_points import PhotoCodes, coded_points
 from orthomill.tasks.orientation.control.control_datum import datum_apart
 from orthomill.tasks.orientation.control.control_files import control_at, in_photographs, read_control, read_points
-from orthomill.tasks.orientation.control.control_heights import about_feet, at_the_heights_of_positions, with_free_heights
+from orthomill.tasks.orientation.control.control_heights import (
+    about_feet,
+    at_the_heights_of_positions,
+    with_free_heights,
+    without_stand_ins,
+)
 from orthomill.tasks.orientation.control.control_rows import StatedControl
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 from orthomill.tasks.orientation.control.ground_distances import on_the_map
@@ -143,6 +148,8 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
     """Coordinates in the project's system, measurements in pixels of the photographs, distances on its map. Points on another site
     become tie points if a distance needs them: lengths are right whatever the system."""
     control, about_rounding = with_rounded_errors(control, own or crs, crs)
+    given, stand_ins = without_stand_ins(control.points)
+    control = control.model_copy(update={"points": given})
     surveyed = [point for point in control.points if point.role != "tie"]
     placed = _place(surveyed, photos, own, crs) if surveyed else _PlacedControl({}, own or crs)
     ends = {name for distance in control.distances for name in (distance.first, distance.second)}
@@ -157,7 +164,7 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
         for point in control.points
         if point.role == "tie" or point.name in placed.xyz or point.name in ends
     )
-    points, about_heights = with_free_heights(points, photos, crs)
+    points, about_heights = with_free_heights(points, photos, crs, stand_ins)
     read = control.read and control.read.model_copy(update={"crs": placed.crs})
     return Control(
         points=points,

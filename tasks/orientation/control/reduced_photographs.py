@@ -33,10 +33,12 @@ def read_in_frame(
 ) -> tuple[_T, Photos, tuple[MeasurementsOfOriginals | MeasurementsReduced, ...]]:
     """What `read` finds in a text on the photographs, the photographs in whose pixels it is, and that these are the originals.
 
-    Raises WorkflowError where neither the photographs nor their originals hold the measurements.
+    Raises WorkflowError where neither the photographs nor their originals hold the measurements, and where these are no pixels.
     """
     try:
-        return read(photos), photos, ()
+        found = read(photos)
+        _require_pixels(control_of(found))
+        return found, photos, ()
     except WorkflowError as refused:
         before, divided = _originals(photos), _reduced(photos, read, control_of)
         if divided is not None and (before is None or divided[2] < FILLED * _least_reduction(photos)):
@@ -53,6 +55,16 @@ def read_in_frame(
         if finding is None:
             raise
         return found, before, (finding,)
+
+
+def _require_pixels(control: Control) -> None:
+    """Raises WorkflowError where all measurements lie in one corner pixel: they are shares of the frame."""
+    places = [place for point in control.points for place in point.measurements.values()]
+    if len(places) >= ENOUGH and all(-0.5 <= value <= 1.0 for col, row, _ in places for value in (col, row)):
+        raise WorkflowError(
+            f"All {len(places)} control measurements lie within the first pixel of their photographs: they seem to be shares of "
+            "the width and height, from 0 to 1; multiply them by the numbers of columns and rows."
+        )
 
 
 def _originals(photos: Photos) -> Photos | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.findings.block_findings import BlockFinding
-from orthomill.schemas.findings.control_findings import HeightsAllZero, HeightsOfTwoSystems
+from orthomill.schemas.findings.control_findings import HeightsAllZero, HeightsOfTwoSystems, HeightsUnknown
 from orthomill.schemas.findings.datum_findings import DatumMisfit, NoDatum
 from orthomill.schemas.observations import Control, GroundPoints, ImageResiduals
 from orthomill.schemas.orientation import Block, BlockPrecision, GroundResiduals, RelativeOrientations
@@ -66,7 +66,8 @@ class Facts:
 
 def heights_missing(control: Control) -> bool:
     """Whether no control point has a height: that control and the shape of the block disagree is then the same fact."""
-    return any(isinstance(finding, HeightsAllZero) and not finding.freed for finding in control.findings)
+    of_zero = any(isinstance(finding, HeightsAllZero) and not finding.freed for finding in control.findings)
+    return of_zero or any(isinstance(finding, HeightsUnknown) and finding.alone for finding in control.findings)
 
 
 def told_findings(control: Control, precision: BlockPrecision) -> tuple[BlockFinding, ...]:

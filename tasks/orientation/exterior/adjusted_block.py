@@ -47,6 +47,7 @@ from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearl
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
 from orthomill.tasks.orientation.exterior.datum_afterwards import as_adjusted, explained_datum
 from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
+from orthomill.tasks.orientation.exterior.own_errors import held_by_own, own_turn, parts_sentence
 from orthomill.tasks.orientation.exterior.started_again import where_it_is
 from orthomill.tasks.orientation.folding import folding_cameras
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
@@ -439,7 +440,11 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
     statements = source_statements(sources, problem)
     findings = (*findings, *contradicted_sources(sources, statements, have.control, problem))
     datum = explained_datum(attempt.datum, tested, DatumMisfit in covered_by(findings))
+    if adjusted.parts is not None:
+        datum = held_by_own(datum, own_turn(tested.result.network, adjusted.parts))
     datum = as_adjusted(datum, problem, tested.result)
+    if adjusted.parts is not None:
+        datum = replace(datum, sentence=f"{datum.sentence} {parts_sentence(adjusted.parts, tested.result.network)}")
     zooms = own_constants(sources, problem.names)
     return BlockResults(
         cameras=have.cameras,
@@ -450,6 +455,8 @@ def _results(have: _Input, attempt: _Attempt, adjusted: ExplainedBlock) -> Block
         restart=tested.restart,
         statements=statements,
         zooms=zooms,
+        offsets=adjusted.offsets,
+        own=None if adjusted.parts is None else adjusted.parts.own,
     )
 
 

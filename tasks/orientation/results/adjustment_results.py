@@ -20,7 +20,7 @@ from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 from orthomill.tasks.orientation.shape.bent_block import bent_block
 from orthomill.tasks.orientation.shape.shape_precision import shape_precision
-from orthomill.tasks.orientation.sources.source_findings import BEND, covered_by, offsets_of
+from orthomill.tasks.orientation.sources.source_findings import BEND, covered_by
 
 WORST = 12
 """How many of the largest standardised residuals are named: a table that is read, not searched."""
@@ -54,7 +54,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         lever_arm=arms[0].value if len(arms) == 1 else None,
         lever_arm_sigma=arms[0].sigma if len(arms) == 1 else None,
         lever_arms=arms if len(arms) > 1 else (),
-        offsets=() if _is_common(network) else offsets_of(result, problem.names),
+        offsets=() if _is_common(network) else results.offsets,
         sources=results.statements,
         groups=tuple(_group(problem, group) for group in result.groups),
         largest=tuple(_largest(problem, result, tracks)),
@@ -105,7 +105,7 @@ def _lever_arms(problem: Problem, result: Adjustment) -> Iterator[LeverArm]:
 
 def _is_common(network: Network) -> bool:
     """Whether all positions share one shift in all coordinates."""
-    return network.shifts == 3 and bool((network.shift == common_shift(network.photos)).all())
+    return network.shifts == 3 and bool((network.shift == common_shift(network.photos)).all()) and not network.shift_weights.any()
 
 
 def _vector(values: np.ndarray) -> tuple[float, float, float]:

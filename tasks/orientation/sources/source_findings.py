@@ -182,17 +182,26 @@ def unit_findings(sources: BlockSources, control: Control) -> Iterator[UnitContr
     )
 
 
-def offsets_of(result: Adjustment, names: tuple[str, ...]) -> tuple[PositionOffset, ...]:
-    """The shifts of the positions that were adjusted, one by one."""
-    sigma, rows = np.sqrt(result.cofactor.variances[result.network.shift_columns]), []
-    for number in range(result.network.shifts):
-        photos, axes = np.nonzero(result.network.shift == number)
+def offsets_of(result: Adjustment, names: tuple[str, ...], before: BlockSources) -> tuple[PositionOffset, ...]:
+    """The free shifts of the positions, one by one, against those that the others have in common by their standard errors; where
+    none of these is told apart, with the standard errors by which positions scatter (`before`: the sources without the offsets)."""
+    network, rows = result.network, []
+    columns, known = network.shift_columns, network.shift_weights > 0
+    axes_of = np.array([np.nonzero(network.shift == number)[1][0] for number in range(network.shifts)], int)
+    for number in np.flatnonzero(~known):
+        photos, axis = network.shift[:, axes_of[number]] == number, int(axes_of[number])
+        others = np.flatnonzero(known & (axes_of == axis))
+        share = np.array([(network.shift == other).sum() for other in others], float)
+        # What the others have in common, each flight by its photographs.
+        against = np.append(1.0, -share / share.sum()) if len(others) else np.ones(1)
+        own = np.append(number, others)
+        sigma = float(np.sqrt(against @ result.cofactor.joint(columns[own]) @ against))
         rows.append(
             PositionOffset(
-                photos=tuple(names[i] for i in photos),
-                axis=int(axes[0]),
-                value=float(result.state.shift[number]),
-                sigma=float(sigma[number]),
+                photos=tuple(names[i] for i in np.flatnonzero(photos)),
+                axis=axis,
+                value=float(against @ result.state.shift[own]),
+                sigma=sigma if len(others) else before.offset_sigmas(photos).get(axis, sigma),
             )
         )
     return tuple(rows)
@@ -208,12 +217,11 @@ def offset_findings(
     for photos in dict.fromkeys(offset.photos for offset in offsets):
         own = {offset.axis: offset for offset in offsets if offset.photos == photos}
         own_photos = np.isin(names, photos)
-        by_scatter = before.offset_sigmas(own_photos)
         yield OffsetAdjusted(
             photos=photos,
             against="control" if positioned <= set(photos) else "others",
             offset=_by_axis({axis: offset.value for axis, offset in own.items()}),
-            sigma=_by_axis({axis: by_scatter.get(axis, offset.sigma) for axis, offset in own.items()}),
+            sigma=_by_axis({axis: offset.sigma for axis, offset in own.items()}),
             tilt_deg=float(np.degrees(np.linalg.norm(motion[3:5]))),
             moved_m=moved,
             heights=heights,

@@ -15,6 +15,7 @@ from orthomill.schemas.findings.position_findings import HeightsOfPositions, Tol
 from orthomill.schemas.maps.map_scale import map_scale
 from orthomill.schemas.photo import Photo
 from orthomill.schemas.project import ANY_CRS
+from orthomill.schemas.survey_files.written_numbers import STAND_INS
 from orthomill.tasks.geometry.coordinate_ranges import height_mistake
 from orthomill.tasks.geometry.reference_system import ground_crs, in_area_of_use
 from orthomill.tasks.geometry.survey_system import (
@@ -61,6 +62,8 @@ def place(listed: PositionList, stated: str | None, crs: str, photos: list[Photo
     Raises WorkflowError where the system is unknown, the place is not one of the project's, or a grid for heights is missing.
     """
     points = np.array([one.xyz for one in listed.positions], float)
+    # Numbers that programs write where they know no height.
+    points[np.isin(points[:, 2], list(STAND_INS)), 2] = np.nan
     system, by = _system(listed, points, stated, crs)
     _known(system)
     in_degrees = _known(system).is_geographic

@@ -38,6 +38,7 @@ def with_everything(seed=0, receivers=1):
         receiver=np.arange(network.photos) % receivers,
         lever_weight=np.full(3, 400.0),
         vertical_weight=np.full(network.photos, 900.0),
+        shift_weight=np.array([4.0, 0.0, 9.0]),
     )
     return network, replace(moved(state, np.random.default_rng(seed), 0.3), lever=network.lever + 0.1)
 

@@ -257,6 +257,8 @@ FILES = {
     ),
     "our own in capitals with tabs": lambda: filed(table(OWN_LINE, OWN.upper()).replace(",", "\t"), marks()),
     "easting, northing, height": lambda: filed(table("{name};{y};{x};{z}", "Point;Northing;Easting;Height"), marks()),
+    "French": lambda: filed(table("{name};{x};{y};{z}", "Nom;Est;Nord;Altitude"), marks()),
+    "Spanish": lambda: filed(table("{name},{x},{y},{z}", "Punto,Este,Norte,Cota"), marks()),
     "header with #": lambda: filed(table("{name},{x},{y},{z}", "#label,x,y,z"), marks()),
     "millimetres by the header": lambda: filed(
         table("{name},{x},{y},{z},20,20,30", "name,x,y,z,sigma_x (mm),sigma_y (mm),sigma_z (mm)"), marks()
@@ -466,6 +468,8 @@ def test_types_that_are_no_roles_tell_nothing():
         ),
         (lambda: listed(gcp("{x:.5f} {y:.5f} {z} {col} {row} {photo} {name}", "EPSG:4326")), (0.32, 0.05), "coordinates to 1.1 m:"),
         (lambda: filed(table("{name},{x:.0f},{y:.0f},{z}", "name,x,y,z"), marks()), (0.29, 0.05), "coordinates to 1 m:"),
+        # The degrees of a small site have three different words: that all end after three decimals says enough.
+        (lambda: listed(gcp("{x:.3f} {y:.3f} {z} {col} {row} {photo} {name}", "EPSG:4326")), (32.1, 0.05), "coordinates to 110 m:"),
     ],
 )
 def test_rounded_coordinates_are_no_better_than_their_rounding(make, sigma, said):

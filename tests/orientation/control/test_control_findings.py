@@ -101,6 +101,25 @@ def test_one_height_of_0_among_others_is_none():
     assert control_of((4.2, 0, -1.9)).findings == (), "near the sea a point may well be at 0"
 
 
+@pytest.mark.parametrize("number", [-9999.0, 9999.0, -32768.0])
+def test_numbers_that_stand_for_no_height_are_none(number):
+    found = control_of((160.2, number, 171.9))
+    assert found.findings == (HeightsUnknown(points=("Q",), numbers=(number,)),)
+    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == FREE
+    assert f"have the height {number:.0f}, as programs write it where they know none, are used in plan only: Q." in (
+        found.findings[0].sentence
+    )
+
+
+def test_points_without_any_height_hold_a_block_without_positions_at_0():
+    found = control_of((-9999, -9999, -9999), positions=False)
+    assert found.findings == (HeightsUnknown(points=("P", "Q", "R"), numbers=(-9999.0,), alone=True),)
+    assert [point.xyz[2] for point in found.points] == [0.0] * 3 and found.points[0].sigma[2] == 0.2
+    assert "nothing else holds the block in height" in found.findings[0].sentence and found.findings[0].grave
+    beside = control_of((-9999, -9999, -9999))
+    assert not beside.findings[0].alone and beside.points[0].sigma[2] == FREE
+
+
 ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
 
 

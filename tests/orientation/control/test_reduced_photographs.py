@@ -73,3 +73,9 @@ def test_pixels_that_the_photographs_hold_are_theirs():
 def test_what_the_originals_do_not_explain_is_refused_as_before(text, original):
     with pytest.raises(WorkflowError, match="outside of a, which has 1000 columns and 750 rows"):
         read(text, photographs(original))
+
+
+def test_shares_of_the_frame_are_no_pixels():
+    lines = [f"{FIRST[:-3]}{100 + i} 0.{i}5 0.4{i} {'ab'[i % 2]}.jpg p{i}" for i in range(6)]
+    with pytest.raises(WorkflowError, match=r"All 6 control measurements lie within the first pixel .* shares of the width"):
+        read(listed(*lines), photographs(None))
