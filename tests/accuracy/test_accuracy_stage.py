@@ -105,6 +105,9 @@ def made(count=8, up=0.0, vegetated=False):
     return PointTests(points=tuple(tests), area_km2=1.0)
 
 
+BESIDE_AN_EDGE = HeightTest(reason="beside an edge", height=12.0)
+
+
 def report_of(tests, ground=GroundResiduals()):  # noqa: B008
     return accuracy_report(tests, statement_of(tests), reliability_of(tests, ground), AdjustmentStatement())
 
@@ -113,6 +116,14 @@ def test_without_check_points_nothing_is_proved():
     report = accuracy_report(PointTests(), AccuracyStatement(), Reliability(), AdjustmentStatement())
     assert report.verdict.level == "fair" and "Nothing is proved" in report.verdict.sentence
     assert not report.evidence and not report.answers
+    assert not report.verdict.weighs, "the block says it first"
+
+
+def test_check_points_at_which_nothing_could_be_tested_are_not_passed_over():
+    tests = PointTests(points=tuple(point.model_copy(update={"height": BESIDE_AN_EDGE, "place": None}) for point in made().points))
+    verdict = report_of(tests).verdict
+    assert verdict.weighs and verdict.level == "fair"
+    assert "no product could be tested at any of 8 check points (mostly: beside an edge)" in verdict.sentence
 
 
 def test_what_was_tested_is_told_with_its_interval_and_few_points_with_the_standards_words():

@@ -1,5 +1,6 @@
 """The report of `accuracy`: what the products are worth by independent points, in the standard's words and in plain ones."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement
@@ -34,7 +35,7 @@ _FILES = (
     Product(path="products/interior_correlation.csv", purpose="Correlations of the interior parameters"),
 )
 NOTHING = (
-    "Nothing is proved: there are no check points. What is stated is the precision that the adjustment promises, and how well "
+    "Nothing is proved: {why}. What is stated is the precision that the adjustment promises, and how well "
     "photographs and surface agree; errors that both share are in neither."
 )
 REALISTIC = 2.0
@@ -47,7 +48,7 @@ def accuracy_report(
     """Verdict, figures and tables of the products tested at the points."""
     warnings = (*_warnings(tests, statement), *promise_warnings(reliability))
     return StageReport(
-        verdict=_verdict(statement),
+        verdict=_verdict(tests, statement),
         answers=tuple(_answers(statement)),
         products=_FILES,
         evidence=tuple(_evidence(statement)),
@@ -59,9 +60,15 @@ def accuracy_report(
     )
 
 
-def _verdict(statement: AccuracyStatement) -> Verdict:
+def _verdict(tests: PointTests, statement: AccuracyStatement) -> Verdict:
     if not statement.figures:
-        return Verdict(level="fair", sentence=NOTHING, weighs=True)
+        why = "there are no check points"
+        if tests.points:
+            reasons = [test.reason for point in tests.points for test in (point.height, point.place) if test and not test.tested]
+            most = f" (mostly: {Counter(reasons).most_common(1)[0][0].rstrip('.')})" if reasons else ""
+            why = f"no product could be tested at any of {_points(len(tests.points))}{most}"
+        # Without check points the block says so of itself.
+        return Verdict(level="fair", sentence=NOTHING.format(why=why), weighs=bool(tests.points))
     told = "; ".join(_short(figure) for figure in statement.figures if figure.kind != "three_dimensional")
     contradicted = any(figure.promised and figure.promised > REALISTIC for figure in statement.figures)
     level = "poor" if contradicted else "good" if all(figure.formal for figure in statement.figures) else "fair"
