@@ -61,7 +61,7 @@ class TerrainRules:
     @property
     def ground_halo(self) -> int:
         """Blocks around a tile of what the filter keeps that decide about its ground."""
-        return STEPS + self.margin + 2 * self.across
+        return STEPS + self.margin + 2 * self.across + self.across // 2
 
     @property
     def across(self) -> int:

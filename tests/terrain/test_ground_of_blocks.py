@@ -60,6 +60,19 @@ def test_a_glimpse_into_a_wide_gap_may_rise_half_as_much_as_land():
     assert not standing_islands(np.isfinite(z), np.minimum(glimpse, 11.5), 60, rises).any()
 
 
+def test_a_lone_block_is_held_against_the_patches_around_it():
+    """Far from the land a crown of three metres may be a hill; amid glimpses of the ground below it is none."""
+    row, col = np.mgrid[:150, :150]
+    ring = np.abs(np.hypot(row - 51, col - 71) - 10.5) < 1.5
+    z = np.where((col < 20) | (ring & (row % 5 > 0) & (col % 5 > 0)), np.float32(10.0), np.float32(np.nan))
+    lone = z.copy()
+    lone[51, 71] = 13.0
+    rises = (1.2, 0.15, 0.2)
+    stands = standing_islands(np.isfinite(lone), lone, 60, rises)
+    assert stands[51, 71] and stands.sum() == 1
+    assert not standing_islands(np.isfinite(lone), np.fmin(lone, np.float32(11.0)), 60, rises).any()
+
+
 def test_a_block_that_ground_and_a_roof_share_has_the_height_of_the_ground():
     heights = np.full((8, 8), 10.0, np.float32)
     heights[:, 4:] = 16.0

@@ -4,7 +4,7 @@ Strategy. A filter that takes no cell without a height for evidence leaves a roo
 they are: nothing lower is next to them. Cells of ground that continue each other are one patch. The land is wider than the widest
 object; a patch that is not, and lies above the ground that follows from the land around it by more than ground can rise over that
 distance, is none. One that is narrower than the gap around it is a glimpse, as likely of a crown as of the ground below: it may
-rise half as much.
+rise half as much. The land may be far away; a block or two by itself is held against the patches around that passed as well.
 """
 
 import numpy as np
@@ -14,6 +14,8 @@ from orthomill.tasks.terrain.ground.mean_value_fill import fill_gaps
 
 GLIMPSE = 0.5
 """how much a patch narrower than its gap may rise, in units of what a wider one may"""
+LONE = 2
+"""cells along a patch that is nobody's witness"""
 
 
 @njit()
@@ -49,15 +51,23 @@ def standing_islands(ground: np.ndarray, heights: np.ndarray, widest: int, rises
     """The cells (rows, cols) bool of `ground` (rows, cols) bool that stand on it, heights (rows, cols) m; `widest` object in cells;
     rises: how much ground rises from cell to cell where it continues (m), over a cell of a gap (m), and anyhow (m).
 
-    Cells nearer than twice `widest` to the border of the arrays are not what they are in the whole.
+    Cells nearer than two and a half times `widest` to the border of the arrays are not what they are in the whole.
     """
     label = np.zeros(ground.shape, np.int32)
     extents = np.zeros(int(ground.sum()), np.int64)
     count = _patches(ground, heights, np.float32(rises[0]), label, np.zeros(ground.size, np.int64), extents)
     extent = np.concatenate([[0], extents[:count]])[label]
     small = ground & (extent <= widest)
-    land = ground & ~small
-    fill = fill_gaps(heights[..., None], land, small, widest)
+    standing = _standing(ground & ~small, small, heights, extent, widest, rises)
+    lone = small & ~standing & (extent <= LONE)
+    return standing | _standing(ground & ~standing & ~lone, lone, heights, extent, widest // 2, rises)
+
+
+def _standing(
+    land: np.ndarray, small: np.ndarray, heights: np.ndarray, extent: np.ndarray, reach: int, rises: tuple[float, float, float]
+) -> np.ndarray:
+    """The cells of `small` patches, so many cells along (`extent`), that stand above what follows from the `land` within reach."""
+    fill = fill_gaps(heights[..., None], land, small, reach)
     growth = np.where(extent < fill.distance, GLIMPSE * rises[1], rises[1])
     with np.errstate(invalid="ignore"):
         above = heights - fill.values[..., 0] > growth * fill.distance + rises[2]
