@@ -50,6 +50,8 @@ class PositionsRead(BaseModel):
     """the step (m) to which coordinates are written, where standard errors had to be enlarged for it"""
     heights_of_tags: int = 0
     """positions whose heights are those of the GPS tags, because the file has none"""
+    moved: int = 0
+    """by how many photographs its lines have to be moved to lie where the GPS tags are; 0: they lie there"""
     off_tags_m: float | None = None
     """by how much the positions are off the GPS tags in plan (m, median), where no receiver explains it"""
     above_tags_m: float | None = None

@@ -23,11 +23,23 @@ _OTHER_SITE = 20_000.0
 """m: nor is a datum"""
 
 
+_SHIFTS = (1, -1, 2, -2)
+"""photographs by which lines are moved where test shots were counted, or the first exposure was not"""
+_ROW = 5
+"""photographs that show it"""
+_OFF = 5.0
+"""m in plan: receivers of drones are seldom farther off"""
+_BETTER = 4.0
+"""times nearer to the tags, for which another order is the right one"""
+
+
 class OffTags(NamedTuple):
-    """By how much (m, medians) positions are off the tags in plan, and above them; None: what receivers and surfaces explain."""
+    """By how much (m, medians) positions are off the tags in plan, and above them; None: what receivers and surfaces explain;
+    `moved`: by how many photographs the positions have to be moved to fit the tags (0: they fit, or in no order)."""
 
     plan: float | None = None
     above: float | None = None
+    moved: int = 0
 
 
 NOTHING_TO_COMPARE = OffTags()
@@ -48,7 +60,21 @@ def off_tags(xyz: np.ndarray, tagged: list[Photo], tags: np.ndarray, system: str
             f"The positions file, read as {system[:60]}, puts the photographs {away / 1000:.0f} km from where their GPS tags say "
             "that they were taken: state what its coordinates are in (positions > crs), or give the file of this flight."
         )
-    return OffTags(away if away > _ELSEWHERE else None, above)
+    order = [i for i in np.argsort([photo.name for photo in tagged], kind="stable") if placed[i]]
+    return OffTags(away if away > _ELSEWHERE else None, above, _moved(xyz[order, :2], tags[order]))
+
+
+def _moved(xy: np.ndarray, tags: np.ndarray) -> int:
+    """By how many photographs positions (N, 2) have to be moved to be far nearer to the tags (N, 2)."""
+    if len(xy) < _ROW:
+        return 0
+    away = {k: _away(xy[max(k, 0) : len(xy) + min(k, 0)], tags[max(-k, 0) : len(tags) - max(k, 0)]) for k in (0, *_SHIFTS)}
+    best = min(_SHIFTS, key=away.__getitem__)
+    return best if away[0] > _OFF and away[best] * _BETTER < away[0] else 0
+
+
+def _away(xy: np.ndarray, tags: np.ndarray) -> float:
+    return float(np.median(np.linalg.norm(xy - tags, axis=1)))
 
 
 def _above(z: np.ndarray, heights: np.ndarray) -> float | None:

@@ -142,6 +142,7 @@ def _read(listed: PositionList, own: PositionList, placed: PlacedPositions, matc
         without=listed.without + len(matched.of_photo) - len(own.positions),
         heights_of_tags=sum(placed.without_height),
         off_tags_m=placed.off_tags.plan,
+        moved=placed.off_tags.moved,
         above_tags_m=placed.off_tags.above,
         angles=listed.angles,
         antenna=listed.antenna,

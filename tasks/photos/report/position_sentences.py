@@ -28,7 +28,7 @@ def _sentences(photos: Photos) -> Iterator[tuple[str, bool]]:
     """Sentences about the positions, and whether they tell of an assumption."""
     if read := photos.positions_read:
         unconfirmed = read.matched != "name" and read.confirmed is None
-        off = read.rounded_m or read.heights_of_tags or read.off_tags_m or read.above_tags_m
+        off = read.rounded_m or read.heights_of_tags or read.off_tags_m or read.above_tags_m or read.moved
         assumed = bool(read.exchanged or read.defaults or read.raised or off or unconfirmed or read.encoding == "Windows-1252")
         yield read_sentence(read), assumed
     if photos.heights and (sentence := heights_sentence(photos.heights)):
@@ -64,6 +64,13 @@ def _more(read: PositionsRead) -> Iterator[str]:
         yield (
             f"They are {read.off_tags_m:.0f} m from where the GPS tags say that the photographs were taken: is it the file of this "
             "flight?"
+        )
+    if read.moved:
+        much = "a photograph" if abs(read.moved) == 1 else f"{abs(read.moved)} photographs"
+        other = "later" if read.moved > 0 else "earlier"
+        yield (
+            f"The GPS tags of the photographs lie where the file puts those that were taken {much} {other}: its names seem to be "
+            "moved by that; compare a test shot, or the first exposure."
         )
     if read.above_tags_m:
         side = "above" if read.above_tags_m > 0 else "below"

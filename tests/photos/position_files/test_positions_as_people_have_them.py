@@ -259,7 +259,7 @@ def test_heights_of_the_tags_stand_in_for_missing_ones():
     assert found["DJI_0002"].position[2] == pytest.approx(PLACES[1, 2])
 
 
-@pytest.mark.parametrize("height", ["", "nan", "0"])
+@pytest.mark.parametrize("height", ["", "nan", "0", "-9999", "-32768"])
 def test_heights_that_a_table_lacks_are_as_good_as_tags(height):
     found = placed(lines("{name},{x},{y}," + height + ",0.02,0.03", "photo,x,y,z,acch,accv"), headers(gps=True))
     assert found["DJI_0002"].position[2] == pytest.approx(PLACES[1, 2]) and found["DJI_0002"].position_sigma == (0.02, 0.02, 5.0)
@@ -292,6 +292,13 @@ def test_what_tags_say_of_positions(moved, said):
     found = placed(lines(OWN_LINE, OWN, PLACES + moved), headers(gps=True))
     told = read_sentence(found.positions_read)
     assert said in told if said else "GPS tags" not in told
+
+
+@pytest.mark.parametrize(("by", "said"), [(1, "a photograph later"), (-2, "2 photographs earlier"), (0, "")])
+def test_names_that_are_moved_against_their_photographs_are_told(by, said):
+    found = placed(lines(OWN_LINE, OWN, np.roll(PLACES, by, axis=0)), headers(gps=True))
+    told = read_sentence(found.positions_read)
+    assert f"taken {said}: its names seem to be moved" in told if said else "moved" not in told
 
 
 def test_lines_without_standard_errors_have_the_default():
