@@ -17,6 +17,7 @@ from orthomill.pipeline.workflow.lists_beside import ListText, choose_control, c
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.maps.system_names import known_crs
 from orthomill.schemas.survey_files.control_recognition import control_in
+from orthomill.schemas.survey_files.foreign_cameras import foreign_camera
 from orthomill.schemas.survey_files.foreign_kinds import text_kind
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
 from orthomill.schemas.survey_files.recognition import positions_in, words_that_name
@@ -25,7 +26,7 @@ from orthomill.schemas.survey_files.text_encoding import decoded
 CAMERA_KEYS = {"name", "width", "height", "c"}
 LARGEST = 20_000_000
 """bytes: what is larger is no camera and no list of positions"""
-_SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json"})
+_SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json", ".yaml", ".yml", ".cam"})
 _FOREIGN = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
 """of files that may hold control or positions, which are told what they are"""
 _NAMED, _LONGEST_LIST = 2, 100_000
@@ -131,9 +132,16 @@ def _read(files: list[Path], root: Path) -> tuple[list[ListText], list[str]]:
 
 
 def _meant(texts: list[ListText], names: PhotographNames) -> list[str]:
-    """Sentences about files that are control or positions by their names only, or that name photographs."""
+    """Sentences about files that are control or positions by their names only, or that name photographs, and about cameras of
+    other programs."""
     told = []
     for one in texts:
+        if program := foreign_camera(one.text):
+            told.append(
+                f"{one.path} is a camera of {program}, which is not read: the camera follows from the tags, and the block adjusts "
+                "it. To begin with a calibration, give its values (docs/guide.md: cameras: {kind: given, c: ...})."
+            )
+            continue
         if control_in(one.text, names) or positions_in(one.text, names):
             continue
         if _BY_NAME.search(one.name):

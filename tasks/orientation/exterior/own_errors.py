@@ -3,7 +3,7 @@
 A stated standard error is that of a place on earth. Positions that one receiver measured within minutes share most of it: that
 moves the block as a whole, and only what each has of its own tilts, turns and bends it. How far they differ, the residuals of the
 block show. Where that is clearly less than stated, the block is adjusted with both parts: each position with the standard error of
-its own part, and a shift for each flight, whose standard error is what remains of the stated one.
+its own part, and a shift for each flight, whose standard error is the stated one.
 
 Control shows shift and tilt better, and beside it positions keep what is stated of them. Residuals of neighbours in time that are
 alike say less of a tilt than their size does: standard errors grow with their autocorrelation.
@@ -38,7 +38,8 @@ KINDS = (((0, 1), 2), ((2,), 3))
 
 @dataclass(frozen=True, eq=False)
 class OwnParts:
-    """Standard errors (P, 3) m of positions: of the `own` part of each, and of what its flight has in `common` (0: nothing)."""
+    """Standard errors (P, 3) m of positions: of the `own` part of each, and of what its flight has in `common` (0: that is not
+    told apart)."""
 
     own: np.ndarray
     common: np.ndarray
@@ -55,8 +56,9 @@ def own_parts(result: Adjustment, stated: np.ndarray, groups: Groups) -> OwnPart
             share[groups.flight == flight] = _shares(result, stated, order)
     if not (share < CLEARLY).any():
         return None
-    own = np.where(share < CLEARLY, share, 1.0) * stated
-    return OwnParts(own, np.sqrt(np.maximum(stated**2 - own**2, 0.0)))
+    # As large as stated in all coordinates: residuals that are nearly so in one of them do not show that it has nothing in common.
+    apart = (share < CLEARLY).any(axis=1, keepdims=True)
+    return OwnParts(np.where(share < CLEARLY, share, 1.0) * stated, np.where(apart, stated, 0.0))
 
 
 def _shares(result: Adjustment, stated: np.ndarray, order: np.ndarray) -> np.ndarray:
@@ -124,8 +126,9 @@ def _with_turn(finding: TiltUnobserved, turn: float) -> TiltUnobserved:
 
 def parts_sentence(parts: OwnParts, network: Network) -> str:
     """Both parts of the standard errors of the positions that take part, in words."""
-    use = network.centre_weight.any(axis=1)
+    use = network.centre_weight.any(axis=1) & parts.common.any(axis=1)
     own, common = (np.median(each[use], axis=0) for each in (parts.own, parts.common))
-    each = f"{two_digits(float(own[:2].max()))} m in plan and {two_digits(float(own[2]))} m in height"
-    flight = f"{two_digits(float(common[:2].max()))} and {two_digits(float(common[2]))} m"
+    sizes = [(float(own[axes].max()), float(common[axes].max()), where) for axes, where in (([0, 1], "plan"), ([2], "height"))]
+    each = " and ".join(f"{two_digits(size)} m in {where}" for size, stated, where in sizes if size < stated)
+    flight = " and ".join(f"{two_digits(stated)} m in {where}" for _, stated, where in sizes)
     return f"Its positions differ from each other by {each} only; what a flight has in common is known to {flight}, as stated."

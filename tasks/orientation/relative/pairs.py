@@ -30,6 +30,8 @@ ON_LINE = 3.0
 """Matches within so many standard errors of one line of a frame leave the rotation about it undetermined."""
 APART = 3.0
 """Positions that lie so many standard errors apart are not of one place."""
+OWN = 0.4
+"""Share of a stated standard error that is not common to the positions of a flight"""
 CHANCE = -3.0
 """log10 of the expected number of chance agreements: below it, fewer than one in a thousand blocks of wrong matches."""
 FOLDED = (
@@ -112,7 +114,8 @@ def _apart(left: Photo, right: Photo) -> float | None:
     if left.position is None or right.position is None or left.position_sigma is None or right.position_sigma is None:
         return None
     away = float(np.linalg.norm(np.subtract(left.position, right.position)))
-    return away if away > APART * float(np.linalg.norm([left.position_sigma, right.position_sigma])) else None
+    own = OWN if (left.flight, left.serial) == (right.flight, right.serial) else 1.0
+    return away if away > APART * own * float(np.linalg.norm([left.position_sigma, right.position_sigma])) else None
 
 
 def _relate(

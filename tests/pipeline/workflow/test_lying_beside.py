@@ -218,6 +218,10 @@ TIMES = "".join(f"2023/05/17 08:15:0{n}.0 52.8 17.1 170.0 1 12 0.01 0.01 0.02\n"
             "",
         ),
         ({"xyz.txt": "".join(f"{n} {n}.5 2.5 3.5\n" for n in range(1000))}, None, ""),
+        ({"cam.json": '{"all": {"projection_type": "brown", "focal_x": 0.58}}'}, None, "a camera of OpenSfM or OpenDroneMap"),
+        ({"cam.xml": "<?xml?>\n<calibration>\n  <projection>frame</projection>"}, None, r"a camera of Metashape \(Agisoft\)"),
+        ({"cam.yml": "%YAML:1.0\ncamera_matrix: !!opencv-matrix\n"}, None, "a camera of OpenCV, .*kind: given"),
+        ({"K.txt": "1955.65 0 780.9\n0.0 1955.65 638.5\n0 0 1.0\n"}, None, "a program that writes its matrix K"),
     ],
 )
 def test_control_is_used_or_named(root, files, used, said):
