@@ -3,9 +3,9 @@
     python -m benchmarks foreign_shift runs/volos [ROWS COLS]
 
 Strategy. The true surface of a simulated run is checked against the run's photographs and their true orientation, so that no datum
-of a block stands between both: as it is, smoothed as surfaces of other programs are (Gauss, 4 cells), and in wider cells. The part
-that is looked at is cut into six, whose ground and matching have nothing in common: each is displaced by another amount, and what
-`orthomill check` says of the shift is compared with it, in its own standard errors.
+of a block stands between both: as it is, smoothed as surfaces of other programs are (Gauss, 4 cells), and in cells four times as
+wide. The part that is looked at is cut into twelve, whose ground and matching have nothing in common: each is displaced by another
+random amount, and what `orthomill check` says of the shift is compared with it, in its own standard errors.
 """
 
 import tempfile
@@ -23,17 +23,17 @@ from benchmarks.measured_run import run_folders, summary
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.truth import TRUTH_BLOCK
 
-SIDES = 400, 600
+SIDES = 800, 900
 """cells of the part that is checked, in the middle of the surface"""
-PARTS = 2, 3
+PARTS = 4, 3
 """into which it is cut"""
-SHIFTS = ((0.0, 0.0, 0.0), (1.3, -0.8, 0.4), (-2.5, -1.7, 3.0), (0.4, 2.1, -1.0), (-0.7, 0.3, 0.0), (3.2, 0.0, -0.2))
-"""m: east, north, up; one for each part"""
+FARTHEST = (3.0, 3.0, 2.0)
+"""m: east, north, up; parts are displaced by less"""
 Surface = Callable[[np.ndarray], np.ndarray]
 SURFACES: dict[str, Surface] = {
     "as it is": lambda heights: heights,
     "smoothed, 4 cells": lambda heights: gaussian_filter(heights, 4.0),
-    "means of 4 x 4 cells": lambda heights: np.kron(_means(heights, 4), np.ones((4, 4))),
+    "means of 4 x 4 cells": lambda heights: _means(heights, 4),
 }
 
 
@@ -69,11 +69,18 @@ def parts_of(ground: Ground) -> list[Ground]:
     return found
 
 
+def shifts() -> list[tuple[float, float, float]]:
+    """By how much each part is displaced (m)."""
+    drawn = np.random.default_rng(11).uniform(-1, 1, (PARTS[0] * PARTS[1], 3)) * FARTHEST
+    return [(float(east), float(north), float(up)) for east, north, up in drawn.round(2)]
+
+
 def told(ground: Ground, folder: Path, block: Path, surface: str, planted: tuple[float, float, float]) -> Told:
     """One surface, displaced and checked; NaN in plan where only the height is told."""
     heights = SURFACES[surface](ground.heights)
     grid = ground.grid.model_copy(
         update={
+            "cell": ground.grid.cell * (ground.grid.rows // heights.shape[0]),
             "west": ground.grid.west + planted[0],
             "north": ground.grid.north + planted[1],
             "rows": heights.shape[0],
@@ -100,7 +107,7 @@ def page(folder: Path, sides: tuple[int, int]) -> str:
     with tempfile.TemporaryDirectory() as place:
         block = Path(place) / "cameras.json"
         block.write_text(Store(folder).table(TRUTH_BLOCK).model_dump_json())
-        tries = [(surface, part, planted) for surface in SURFACES for part, planted in zip(parts_of(ground), SHIFTS, strict=True)]
+        tries = [(surface, part, planted) for surface in SURFACES for part, planted in zip(parts_of(ground), shifts(), strict=True)]
         found = [told(part, folder, block, surface, planted) for surface, part, planted in tries]
     ratios = np.array([one.ratios for one in found])
     lines = ["# Shift of a surface from elsewhere", "", _head(ground, int(np.isnan(ratios[:, 0]).sum())), ""]

@@ -149,6 +149,9 @@ def state_text(count: StageCount) -> str:
 def about(left: Remaining) -> str:
     """A duration with no more digits than its uncertainty allows: about 2 min (1 to 3)."""
     low, high = left.range
+    if _rounded(high, 5) == 0:
+        # Jobs that a stage will plan when its tables are there are not known yet: nothing is never left before the end.
+        return "under 5 s of known work"
     if left.seconds < 90:
         return f"about {_rounded(left.seconds, 5)} s ({_rounded(low, 5)} to {_rounded(high, 5)})"
     if left.seconds < 5400:

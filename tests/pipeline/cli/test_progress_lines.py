@@ -85,7 +85,12 @@ def test_a_stage_whose_jobs_have_not_begun_has_no_bar():
 
 @pytest.mark.parametrize(
     ("seconds", "error", "text"),
-    [(42.0, 8.0, "about 40 s (35 to 50)"), (300.0, 60.0, "about 5 min (4 to 6)"), (7200.0, 1800.0, "about 2.0 h (1.6 to 2.5)")],
+    [
+        (1.5, 0.7, "under 5 s of known work"),
+        (42.0, 8.0, "about 40 s (35 to 50)"),
+        (300.0, 60.0, "about 5 min (4 to 6)"),
+        (7200.0, 1800.0, "about 2.0 h (1.6 to 2.5)"),
+    ],
 )
 def test_a_duration_has_no_more_digits_than_it_deserves(seconds, error, text):
     assert about(Remaining(1.0, 1.0, 0.0, seconds, error)) == text
