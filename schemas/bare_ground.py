@@ -63,7 +63,7 @@ class CellClass(IntEnum):
 
 CELL_CLASSES: tuple[tuple[int, str, str], ...] = (
     (CellClass.NONE, "#000000", "no height"),
-    (CellClass.UNCLASSIFIED, "#9a9a9a", "not told apart"),
+    (CellClass.UNCLASSIFIED, "#9a9a9a", "not classified"),
     (CellClass.GROUND, "#c9b38c", "ground"),
     (CellClass.LOW_VEGETATION, "#b5d98a", "low vegetation"),
     (CellClass.MEDIUM_VEGETATION, "#6aab4f", "medium vegetation"),

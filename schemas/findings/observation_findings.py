@@ -52,7 +52,7 @@ class MarksInAnotherFrame(SpokenFinding):
         return (
             f"The marks of the {self.points} control points are counted {self.counted}: so the rays of a point meet to "
             f"{self.found_px:.2g} px, and as they were read to {self.given_px:.0f} px. In the list of the marks {self.change}, "
-            "and run again; until then what control says of this block is worth nothing."
+            "and run again; until then control proves nothing about this block."
         )
 
 

@@ -228,7 +228,7 @@ def test_tie_points_off_the_surface_decide_its_verdict(tied, level):
 def test_heights_that_are_stated_to_be_coarse_are_no_good_surface():
     coarse = TieCounts(points=100, distances=(100, *[0] * (DISTANCES - 1)), width=0.01)
     found = reported(tied=coarse)
-    assert found.verdict.level == "fair" and "a pixel of parallax is worth 0.04 m" in found.losses[0] and not found.doubts
+    assert found.verdict.level == "fair" and "one pixel of parallax is 0.04 m" in found.losses[0] and not found.doubts
 
 
 def test_a_surface_from_lines_is_judged_like_any_other():

@@ -24,7 +24,7 @@ def serve(
     file_gigabytes: Annotated[float, typer.Option(help="Largest file of an upload, GB.", min=0.001)] = 4.0,
     task_gigabytes: Annotated[float, typer.Option(help="Largest upload, GB.", min=0.001)] = 500.0,
     reserve_gigabytes: Annotated[float, typer.Option(help="Disk that is left free, GB.", min=0)] = 2.0,
-    webhooks: Annotated[bool, typer.Option(help="Whether tasks may name an address that is told of their end.")] = True,
+    webhooks: Annotated[bool, typer.Option(help="Whether tasks may name an address that is called when they end.")] = True,
     s3: Annotated[
         list[str] | None, typer.Option(help="Prefix of an object store that tasks may read and write below (s3://bucket/prefix).")
     ] = None,

@@ -32,7 +32,7 @@ _FIGURES = (
 """name, unit and meaning of what pairs add to the figures of the surface"""
 _DIFFERENCES = (
     ("differences_cells", "", "Cells on which two pairs without a common photograph were compared."),
-    ("differences_factor", "", "What the standard errors of matching are worth by them: the factor that they were given."),
+    ("differences_factor", "", "Factor by which they correct the standard errors that matching states."),
 )
 """what they add where those without a common photograph were compared"""
 

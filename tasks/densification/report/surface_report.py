@@ -66,7 +66,7 @@ SURFACE_FIGURES = (
     ("tie_points", "", "Tie points on measured heights, with which the surface was compared."),
     ("tie_points_off", "m", "Median distance of the tie points from the surface, beyond the heights of the cells around."),
     ("tie_points_contradicting", "", "Share of them that lie more than three standard errors (theirs and the height's) off it."),
-    ("tie_points_pixel_off", "", "Share of them that lie off it by more than a pixel of parallax is worth."),
+    ("tie_points_pixel_off", "", "Share of them that lie off it by more than the height of one pixel of parallax."),
     ("height_lowest", "m", "Lowest height of the surface model."),
     ("height_highest", "m", "Highest height of the surface model."),
 )
@@ -279,12 +279,12 @@ def _surface_warnings(cells: SurfaceStatistics, ties: TieCounts, precision: floa
     pixel = _OF_A_PIXEL * ties.width
     if (off := _off(ties)) > _OFF:
         yield (
-            f"{100 * off:.0f} % of the {ties.points} {_TIES_FOUND} or by more than a pixel of parallax is worth ({pixel:.2g} m): "
+            f"{100 * off:.0f} % of the {ties.points} {_TIES_FOUND} or by more than one pixel of parallax ({pixel:.2g} m): "
             "so many heights are wrong there. Match with the default (matching: {kind: object_space}), or look where the check "
             "disagrees."
         )
     if precision is not None and precision > _COARSE * pixel:
         yield (
-            f"Half of the heights are {_COARSE_FOUND} {precision:.2g} m, while a pixel of parallax is worth {pixel:.2g} m: "
+            f"Half of the heights are {_COARSE_FOUND} {precision:.2g} m, while one pixel of parallax is {pixel:.2g} m: "
             "this way of matching measured worse than the photographs allow."
         )

@@ -62,7 +62,7 @@ def check_verdict(tiles: tuple[TileCounts, ...], whole: Summary, sight: CheckSig
     if sight.tolerance is not None and sight.kept["proved"] is not None:
         said += (
             f". {sight.tolerance:g} m are allowed: {sight.kept['proved']:.0f} % of the judged ground is proved to keep that, "
-            f"{sight.kept['broken']:.0f} % breaks it, {sight.kept['untold']:.0f} % cannot be told"
+            f"{sight.kept['broken']:.0f} % breaks it, {sight.kept['untold']:.0f} % is undecided"
         )
     enough = checked >= _LEAST * heights
     good = enough and (words is CHANGES or _agrees(tiles, whole, sight))

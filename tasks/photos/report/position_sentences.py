@@ -8,8 +8,8 @@ from orthomill.schemas.photo import Photos
 _TOLD_BY = {
     "workflow": "as the workflow states",
     "file": "as the file states",
-    "degrees": "told by the numbers, which are degrees",
-    "geocentric": "told by the numbers, which are geocentric",
+    "degrees": "as the numbers show, which are degrees",
+    "geocentric": "as the numbers show, which are geocentric",
     "project": "that of the project, as nothing states another",
 }
 

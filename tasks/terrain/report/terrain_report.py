@@ -129,7 +129,9 @@ def _metres(value: float) -> str:
 
 def _figures(totals: _TerrainTotals, errors: FillErrors, facts: TerrainFacts) -> Iterator[Figure]:
     yield Figure(name="cell", value=facts.cell, unit="m", sentence="Cell of the terrain.")
-    yield Figure(name="block", value=facts.block, unit="m", sentence="Side of the blocks in which ground is told from objects.")
+    yield Figure(
+        name="block", value=facts.block, unit="m", sentence="Side of the blocks in which ground is separated from objects."
+    )
     meanings = {code: meaning for code, _, meaning in TERRAIN_CODES}
     for code, name in _NAMES.items():
         share = round(totals.share(code), 2)
@@ -189,7 +191,7 @@ def _class_grid(totals: _TerrainTotals) -> Grid:
         title="What the surface shows",
         columns=("class", "number", "share %"),
         rows=tuple(row for row in rows if row[2]),
-        note="Numbers of ASPRS, LAS 1.4. Plants are told from buildings by their surface alone: hedges and sheds may be mixed up.",
+        note="Numbers of ASPRS, LAS 1.4. Plants and buildings differ by their surface alone: hedges and sheds may be mixed up.",
     )
 
 

@@ -229,14 +229,14 @@ def test_positions_are_read_as_they_are(case):
     ("case", "words"),
     [
         ("northing first", "The northing (or latitude) comes first in it"),
-        ("degrees in x and y", "told by the numbers, which are degrees"),
+        ("degrees in x and y", "as the numbers show, which are degrees"),
         ("events in their order", "in their order; the times of exposure agree"),
         ("events by places", "in their order; the places in the GPS tags agree"),
         ("time marks by their numbers", "by the numbers in the names, which nothing confirms"),
         ("events in their order", "positions of the antenna"),
         ("Metashape with its system", "Metashape reference, 5 positions, 5 used, in EPSG:32632 (as the file states)"),
         ("senseFly geoinfo", "Positions: senseFly geoinfo"),
-        ("geocentric", "told by the numbers, which are geocentric"),
+        ("geocentric", "as the numbers show, which are geocentric"),
         ("geo.txt in degrees with everything", "Its angles (yaw, pitch, roll) are taken as approximate attitudes"),
     ],
 )
