@@ -93,6 +93,7 @@ def _judge(dh: np.ndarray, cells: JudgedCells, building: np.ndarray, objects: _O
 
 
 def heights_against_truth(
+    *,
     height: np.ndarray,
     precision: np.ndarray,
     relative: np.ndarray,

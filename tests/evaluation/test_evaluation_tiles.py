@@ -75,11 +75,19 @@ def test_what_the_check_says_is_counted_by_class_whatever_the_tiles():
     assert {f.name: f.value for f in section.figures}["check_judged_roof"] == 75.0 and section.grids[0].rows[0][1] == 60 * 80 - 120
 
 
+def against_truth(surface, truths, place, core) -> HeightComparison:
+    """`surface`: height, precision and code; `truths`: surface, ground, material, building, visibility; a block without errors."""
+    names = ("surface", "ground", "material", "building", "visibility")
+    height, precision, code = surface
+    own = {"height": height, "precision": precision, "relative": precision, "provenance": code}
+    blocks = {"block": box_block(), "true_block": box_block()}
+    return heights_against_truth(**own, **dict(zip(names, truths, strict=True)), **blocks, place=place, core=core)
+
+
 def compared(core=WHOLE, given=None) -> HeightComparison:
     place = placement(GRID, core.grown(CLASS_HALO), GRID)
-    height, precision, code = (raster[core.slices] for raster in given or dsm())
     parts = (raster[readable(place).slices] for raster in truth())
-    return heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, core)
+    return against_truth([raster[core.slices] for raster in given or dsm()], parts, place, core)
 
 
 def row_of(sums: HeightSums, *places: PlaceClass, **which) -> dict[str, float]:
@@ -139,8 +147,7 @@ def test_a_step_that_is_no_wall_has_no_edge():
     low = np.minimum(surface, 11.5)
     place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
     parts = (raster[readable(place).slices] for raster in (low, *others))
-    height, precision, code = dsm()
-    edges = heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, WHOLE).edges
+    edges = against_truth(dsm(), parts, place, WHOLE).edges
     assert edges.beside.sum() == edges.rim.sum() == 0 and np.isnan(edge_shares((edges,), MEASURED)).all()
 
 
@@ -174,9 +181,8 @@ def test_crowns_that_one_photograph_sees_are_not_counted():
     rasters = truth()
     rasters[-1][45:48] = 0b1
     place = placement(GRID, WHOLE.grown(CLASS_HALO), GRID)
-    height, precision, code = dsm()
     parts = (raster[readable(place).slices] for raster in rasters)
-    found = heights_against_truth(height, precision, precision, code, *parts, box_block(), box_block(), place, WHOLE)
+    found = against_truth(dsm(), parts, place, WHOLE)
     assert found.crowns.cells.sum() == 0
 
 

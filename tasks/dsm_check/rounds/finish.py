@@ -28,6 +28,7 @@ class Finish:
 
 
 def finish(
+    *,
     window: Window,
     wide: Window,
     how: Finish,

@@ -257,6 +257,7 @@ def round_counts(known: np.ndarray, change: np.ndarray) -> RoundCounts:
 
 
 def judge(
+    *,
     window: Window,
     pairs: tuple[NodeWindow, ...],
     rule: CorrectionRule,

@@ -156,6 +156,7 @@ class _Painter:
 
 
 def coloured_block(
+    *,
     blocks: tuple[np.ndarray, ...],
     nearness: tuple[np.ndarray, ...],
     drawn: tuple[np.ndarray, ...],
