@@ -8,7 +8,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from small_site import command, finished_site, jobs_done, make_site, results_of, start_command
+from small_site import command, finished_site, jobs_done, make_site, results_of, start_command, write_workflow
 
 pytestmark = pytest.mark.slow
 
@@ -16,13 +16,15 @@ pytestmark = pytest.mark.slow
 @pytest.fixture
 def site(tmp_path, monkeypatch):
     monkeypatch.chdir(make_site(tmp_path))
+    # Up to the last stage of many jobs: every run here loads what its stages need.
+    write_workflow(tmp_path, stages=["photos", "calibration", "tie_points"])
     return tmp_path
 
 
 @pytest.fixture(scope="module")
 def undisturbed():
     """The results of a run without interruption, one job after another."""
-    return results_of(finished_site()[0])
+    return {name: held for name, held in results_of(finished_site()[0]).items() if "orientation" not in name.split("/")}
 
 
 def started(site: Path, jobs: int = 3):

@@ -137,8 +137,7 @@ def told_constant(out):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("known", KNOWN)
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize(("known", "factor"), [("control", 2.0), ("positions", 0.5), ("nothing", 0.5), ("nothing", 2.0)])
 def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_the_block(factor, known):
     block = two_strips(34, tracks=600, **KNOWN[known])
     out = orient(with_focal_length(block, factor, "exif"))
@@ -154,7 +153,8 @@ def test_a_rough_focal_length_wrong_by_two_is_named_and_mended_whatever_holds_th
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_held_focal_length_wrong_by_two_is_named_and_held(factor):
-    out = orient(with_focal_length(two_strips(34, tracks=600), factor, "given"), interior=FIXED)
+    block = two_strips(34, tracks=300, control=4, check=0)
+    out = orient(with_focal_length(block, factor, "given"), interior=FIXED)
     assert "the workflow fixes it" in told_constant(out)
     assert out["block"].cameras["cam"].c == pytest.approx(factor * TRUE_CAMERA.c, rel=0.01)
 
@@ -189,11 +189,11 @@ def test_a_focal_length_wrong_by_two_is_named_with_oblique_views_too():
     views = [
         view(f"d{strip}{i}", DRONE, (407000 + 20 * i, 4357000 + 28 * strip, 180), (30 * (i % 2), 0, 90 + rng.normal(0, 3)))
         for strip in range(3)
-        for i in range(6)
+        for i in range(4)
     ]
-    block = simulate(views, DRONE.model_copy(update={"c": 0.5 * DRONE.c}), 35, gnss=3.0, control=0, check=0, tracks=1200)
+    block = simulate(views, DRONE.model_copy(update={"c": 0.5 * DRONE.c}), 35, gnss=3.0, control=0, check=0, tracks=800)
     out = orient(block)
-    assert "which was used" in told_constant(out) and len(names_of(out)) == 18
+    assert "which was used" in told_constant(out) and len(names_of(out)) == 12
     assert out["block"].cameras["cam"].c == pytest.approx(DRONE.c, rel=0.01)
 
 
@@ -236,7 +236,7 @@ def with_a_camera_of_its_own(block, photo, factor):
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_one_wrong_focal_length_among_many_is_the_only_one_that_changes(factor):
-    out = orient(with_a_camera_of_its_own(one_strip(7), "d3", factor))
+    out = orient(with_a_camera_of_its_own(one_strip(7, tracks=700), "d3", factor))
     (text,) = [text for text in sentences(out["precision"]) if "contradicts the camera constant" in text]
     assert "constant of zoom" in text and len(names_of(out)) == 8
     assert out["block"].cameras["zoom"].c == pytest.approx(1165.0, rel=0.03)
