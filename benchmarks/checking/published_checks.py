@@ -1,4 +1,5 @@
-"""Tables 4.20 to 4.22 of the published check with a stand-in for its data, beside the printed values.
+"""Tables 4.20 and 4.22 of the published check with a stand-in for its data, beside the printed values (`checked_tables` makes them,
+and 4.21, by the check itself).
 
     python -m benchmarks published_checks
 

@@ -406,6 +406,15 @@ _ALL = (
         ("benchmarks/results/planted_rounds*.md",),
     ),
     Study(
+        "checked_tables",
+        "checking.checked_tables",
+        "the published tables of a check, made by the check itself",
+        "minutes",
+        CHECK,
+        f"{RUN} of volos",
+        "[RUN [ROWS COLS]]",
+    ),
+    Study(
         "foreign_shift",
         "checking.foreign_shift",
         "the shift that a check finds of a surface from elsewhere",
