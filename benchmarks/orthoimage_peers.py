@@ -159,7 +159,7 @@ def peer_task(store: Store, folder: Path, cell: float) -> Path:
     name = CORRECTED if CORRECTED in store.names() else HEIGHT
     whole = Window(0, 0, *surface.grid.shape)
     heights = store.read(name, whole)
-    blocks = filled(block_heights(heights))
+    blocks = filled(block_heights(heights, np.zeros_like(heights), surface.grid.cell).blocks)
     _write(folder / "surface.tif", drape(heights, whole, blocks, Window(0, 0, *blocks.shape)), block.crs, surface.grid)
     task = {"crs": block.crs, "cell": cell, "folder": str(folder), "dem": str(folder / "surface.tif")}
     path = folder / "task.json"

@@ -31,6 +31,7 @@ from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.ground.draping import HALO, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.ground.extent import TileExtent
+from orthomill.tasks.texture.ground.gentle_ground import calmed
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets
 from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
 from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces
@@ -130,11 +131,16 @@ def _targets(ground: Ground, dsm: MapGrid) -> Targets:
     return Targets(rows, cols, ground.z, np.sqrt(ground.dx * ground.dx + ground.dy * ground.dy))
 
 
-def painted_heights(heights: np.ndarray, extent: TileExtent, rules: TextureRules, ground: np.ndarray | None) -> np.ndarray:
-    """The heights (rows, cols) that the texture is put on: those of the surface model, holes draped as far as the rules say."""
+def painted_heights(
+    heights: np.ndarray, precision: np.ndarray, extent: TileExtent, rules: TextureRules, ground: np.ndarray | None
+) -> np.ndarray:
+    """The heights (rows, cols) that the texture is put on: those of the surface model, guesses on the gentle ground, holes draped
+    as far as the rules say."""
     if ground is None or rules.drape_reach <= 0:
         return heights
-    painted = drape(heights, extent.heights, ground, extent.ground)
+    nothing = np.full(heights.shape, np.nan, np.float32)
+    gentle = calmed(heights, precision, drape(nothing, extent.heights, ground, extent.ground), extent.dsm.cell)
+    painted = drape(gentle, extent.heights, ground, extent.ground)
     if isfinite(rules.drape_reach):
         painted = np.where(far_from_heights(heights, rules.drape_reach), np.float32(np.nan), painted)
     if rules.wanted.polygons:
@@ -255,7 +261,7 @@ def texture_tile(
     photos: pixels (rows, cols, bands) of `extent.photos`; ground: heights of the blocks `extent.ground` of the whole model, only
     for draping.
     """
-    painted = painted_heights(heights, extent, rules, ground)
+    painted = painted_heights(heights, precision, extent, rules, ground)
     around = [
         BalancedPhotograph(view, PhotoPixelsAt.of(pixels, part.window, part.level), radiometry)
         for view, pixels, part in zip(_views(block, extent), photos, extent.photos, strict=True)

@@ -69,7 +69,7 @@ def test_rasters_are_announced_before_the_jobs_that_write_them():
     made = planned()
     names = [one.name for one in made if isinstance(one, RasterSpec)]
     assert names[:5] == ["texture/ortho", "texture/coverage", "texture/rejected", "texture/height_source", "texture/source"]
-    assert names[5:] == ["texture/block_heights", "texture/ground"]
+    assert names[5:] == ["texture/block_heights", "texture/block_weights", "texture/ground"]
     assert [isinstance(one, RasterSpec) for one in made[:7]] == [True] * 7
     assert {raster.name for job in jobs(made, "ortho") for key, raster in job.writes.items() if key != "statistics"} == set(
         names[:5]

@@ -22,9 +22,9 @@ from orthomill.tasks.colouring.blending.rejection import Rejection
 from orthomill.tasks.colouring.sampling.ground_sampling import Ground, ground_of, sample_photo
 from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.geometry.photograph_part import PhotoSource, level_window, photo_level
-from orthomill.tasks.imagery.pull_push import filled
-from orthomill.tasks.texture.ground.draping import block_heights
+from orthomill.tasks.texture.ground.draping import BLOCK, block_heights
 from orthomill.tasks.texture.ground.extent import ortho_grid, tile_extent
+from orthomill.tasks.texture.ground.gentle_ground import gentle_ground
 from orthomill.tasks.texture.ground.relief import ReliefMap, tile_relief
 from orthomill.tasks.texture.mosaic import TextureRules, sample_tile, texture_tile
 
@@ -71,7 +71,7 @@ def make(
     """The whole orthoimage from tiles: rasters by name, and the statistics of the tiles."""
     model = heights() if model is None else model
     codes = np.full(DSM.shape, Provenance.AGREED, np.uint8) if provenance is None else provenance
-    ground = filled(block_heights(model))
+    ground = gentle_ground(*block_heights(model, np.full_like(model, precision), DSM.cell), BLOCK * DSM.cell)
     shape = relief(model, ground)
     rasters, statistics = {}, []
     for t in tiles_of(ORTHO.shape, tile):

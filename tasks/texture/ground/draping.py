@@ -5,6 +5,8 @@ holes, so that every hole is closed however large it is; a tile with `HALO` cell
 Blocks are counted from the corner of the model's grid, never from that of a tile.
 """
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 
@@ -36,11 +38,28 @@ def ground_window(grid: MapGrid, cells: Window) -> Window:
     return blocks_of(cells).grown(1).clipped(block_grid(grid).shape)
 
 
-def block_heights(heights: np.ndarray) -> np.ndarray:
-    """float32 (rows / 16, cols / 16) m: mean heights of the blocks of a tile (rows, cols) that starts on a block."""
+class BlockHeights(NamedTuple):
+    """float32 (rows / 16, cols / 16) of blocks: mean heights (m), NaN in holes, and the mean weights of their cells (1/m2)."""
+
+    blocks: np.ndarray
+    weights: np.ndarray
+
+
+def block_heights(heights: np.ndarray, precision: np.ndarray, cell: float) -> BlockHeights:
+    """The blocks of a tile of heights (rows, cols) m that starts on a block, with their standard errors (rows, cols) m; a height
+    without one is sure, and none is better than a `cell` (m)."""
+    # fmax: what has no standard error counts as a cell.
+    weights = (1.0 / np.fmax(precision, np.float32(cell)) ** 2).astype(np.float32)
+    weights = np.where(np.isnan(heights), np.float32(np.nan), weights)
+    means, total = _in_blocks(heights), _in_blocks(weights)
+    off = heights - np.repeat(np.repeat(means, BLOCK, axis=0), BLOCK, axis=1)[: heights.shape[0], : heights.shape[1]]
+    return BlockHeights(means + _in_blocks(weights * off) / total, np.nan_to_num(total))
+
+
+def _in_blocks(values: np.ndarray) -> np.ndarray:
     for _ in range(LEVELS):
-        heights = halved(heights)
-    return heights
+        values = halved(values)
+    return values
 
 
 def drape(heights: np.ndarray, window: Window, ground: np.ndarray, blocks: Window) -> np.ndarray:

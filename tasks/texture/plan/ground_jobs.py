@@ -6,39 +6,44 @@ from math import nan
 from orthomill.schemas.job import Job, Raster, Reading
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
-from orthomill.tasks.imagery.pull_push import filled
 from orthomill.tasks.texture.ground.draping import BLOCK, block_grid, block_heights, blocks_of
+from orthomill.tasks.texture.ground.gentle_ground import gentle_ground
 from orthomill.tasks.texture.ground.relief import RELIEF, relief_table, tile_relief, whole_relief
 
-BLOCK_HEIGHTS, GROUND = "texture/block_heights", "texture/ground"
-"""float32 m: mean heights of blocks of 16 x 16 cells of the surface model, NaN in holes; the same with every hole closed"""
+BLOCK_HEIGHTS, BLOCK_WEIGHTS, GROUND = "texture/block_heights", "texture/block_weights", "texture/ground"
+"""float32: mean heights of blocks of 16 x 16 cells of the surface model (m), NaN in holes; their weights (1/m2); the heights as
+gentle as their weights allow (m), with every hole closed"""
 
 
-def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str) -> Iterator[RasterSpec | Job]:
-    """The mean heights of the blocks of the whole model, tile by tile, and their gaps closed over the whole model."""
+def ground_jobs(dsm: MapGrid, crs: str, size: int, heights: str, precision: str) -> Iterator[RasterSpec | Job]:
+    """The mean heights of the blocks of the whole model, tile by tile, and its gentle ground; `heights` and their standard errors
+    among neighbours are rasters."""
     grid, chunk = block_grid(dsm), size // BLOCK
-    for name in (BLOCK_HEIGHTS, GROUND):
-        yield map_raster(name, grid, "float32", crs, chunk, nodata=nan, unit="m", axes=("ground_y", "ground_x"))
+    for name, unit in ((BLOCK_HEIGHTS, "m"), (BLOCK_WEIGHTS, "1/m2"), (GROUND, "m")):
+        yield map_raster(name, grid, "float32", crs, chunk, nodata=nan, unit=unit, axes=("ground_y", "ground_x"))
     for tile in tiles_of(dsm.shape, size):
+        blocks = blocks_of(tile.window)
         yield Job(
             stage="texture",
             item="blocks",
             function=block_heights,
-            reads={"heights": Raster(heights, tile.window)},
-            writes={"blocks": Raster(BLOCK_HEIGHTS, blocks_of(tile.window))},
+            reads={"heights": Raster(heights, tile.window), "precision": Raster(precision, tile.window)},
+            writes={"blocks": Raster(BLOCK_HEIGHTS, blocks), "weights": Raster(BLOCK_WEIGHTS, blocks)},
+            params={"cell": dsm.cell},
             row=tile.row,
             col=tile.col,
-            # A known flag, its sum and the sum of heights in float64 per cell, for the first of the halvings.
-            scratch=array_bytes(16, tile.window),
+            # Weights, differences and their product, and for the first of the halvings a flag, its sum and the sum in float64.
+            scratch=array_bytes(32, tile.window),
         )
     whole = Window(0, 0, *grid.shape)
     yield Job(
         stage="texture",
         item="ground",
-        function=filled,
-        reads={"values": Raster(BLOCK_HEIGHTS, whole)},
+        function=gentle_ground,
+        reads={"values": Raster(BLOCK_HEIGHTS, whole), "weights": Raster(BLOCK_WEIGHTS, whole)},
         writes={"ground": Raster(GROUND, whole)},
-        scratch=array_bytes(40, grid),
+        params={"block": grid.cell},
+        scratch=array_bytes(64, grid),
     )
 
 

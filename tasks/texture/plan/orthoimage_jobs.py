@@ -104,6 +104,11 @@ class OrthoimageJobs:
             return GIVEN_HEIGHT
         return CORRECTED if self.view.has_stage("dsm_check") else HEIGHT
 
+    @property
+    def precision(self) -> str:
+        """The raster of their standard errors among neighbours."""
+        return RELATIVE_PRECISION if self.measured else GIVEN_PRECISION
+
     @cached_property
     def views(self) -> list[View]:
         """The photographs in the order of the block."""
@@ -129,7 +134,7 @@ class OrthoimageJobs:
         dsm, size = self.surface.grid, self.view.project.tile
         yield from self._rasters()
         if self.draped:
-            yield from ground_jobs(dsm, self.block.crs, size, self.heights)
+            yield from ground_jobs(dsm, self.block.crs, size, self.heights, self.precision)
         yield from relief_jobs(dsm, size, self.heights, self.draped)
         relief = ReliefMap(self.view.table(RELIEF), dsm)
         yield from self._samples(relief, rules)
@@ -186,7 +191,7 @@ class OrthoimageJobs:
             extent = tile_extent(relief, self.ortho, tile.window, fine, rules.halo, rules.around)
             reads = {
                 **self._reads(extent),
-                "precision": Raster(RELATIVE_PRECISION if self.measured else GIVEN_PRECISION, extent.heights),
+                "precision": Raster(self.precision, extent.heights),
                 "provenance": Raster(PROVENANCE if self.measured else GIVEN_CODE, extent.heights),
                 "radiometry": RADIOMETRY,
             }
