@@ -53,7 +53,7 @@ def kind_of(stage: type[Stage]) -> str:
 
 
 def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:
-    """Twice the same stage, stages out of order, and stages whose predecessors are missing."""
+    """Twice the same stage, and stages out of order; that one lacks what it needs is found when it is planned."""
     # The catalogue is in the order of processing, so that it also defines the order in a workflow.
     order = {kind_of(stage): place for place, stage in enumerate(catalogue)}
     for kind, times in Counter(kinds.names).items():
@@ -64,16 +64,6 @@ def check_stages(kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mis
         if order[kind] < order[before]:
             right = ", ".join(sorted(set(kinds.names), key=order.__getitem__))
             mistakes.add(("stages", index), f"{kind} runs before {before}, so it must be listed first; the order is {right}.")
-    for stage in catalogue:
-        _check_predecessors(stage, kinds, mistakes)
-
-
-def _check_predecessors(stage: type[Stage], kinds: Kinds, mistakes: Mistakes) -> None:
-    kind = kind_of(stage)
-    missing = [name for name in getattr(stage, "after", ()) if name not in kinds.names]
-    for index in (index for index, name in kinds.entries if name == kind and missing):
-        names = " and ".join(missing)
-        mistakes.add(("stages", index), f"{kind} requires {names}, which is not in this workflow; add '- {missing[0]}' before it.")
 
 
 def check_sources(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], ...], mistakes: Mistakes) -> None:

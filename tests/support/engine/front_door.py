@@ -44,7 +44,6 @@ class PaintingStage(Stage):
     """Paints the surface."""
 
     title: ClassVar[str] = "paints"
-    after: ClassVar[tuple[str, ...]] = ("matching",)
 
     kind: Literal["painting"] = "painting"
     colours_path: ProjectPath | None = setting(None, "File with colours.")
