@@ -2,7 +2,8 @@
 
 Standard errors of a least-squares adjustment hold if its model does. Where held-out photographs cannot tell models apart, the
 parameters that the others would have given are as likely as those of the chosen one: their differences, weighted by how well each
-model keeps up, are added to the covariance.
+model keeps up, are added to the covariance. A model that determines a parameter less well than the chosen one says less of it: its
+difference counts by the ratio of both standard errors (thin prisms know a principal point to 9 px where Brown knows it to 0.4).
 
 Source: Buckland, Burnham and Augustin 1997 (standard errors that include the selection of a model).
 """
@@ -30,7 +31,9 @@ def doubted(judged: dict[LensModel, Judged], chosen: LensModel) -> BoardAdjustme
 
 
 def _shift(other: BoardAdjustment, result: BoardAdjustment, chosen: LensModel, model: LensModel) -> np.ndarray:
-    """(17,): by how much the parameters that both models estimate differ."""
+    """(17,): by how much the parameters that both models estimate differ, as far as the other one determines them."""
     alike = chosen.lens == model.lens
     both = [name in chosen.free and name in model.free and (alike or name in _SHARED) for name in PARAMETERS]
-    return np.where(both, other.state.interior - result.state.interior, 0.0)
+    own, others = (np.diag(one.interior_covariance) for one in (result, other))
+    known = np.sqrt(np.minimum(own / np.where(others > 0, others, np.inf), 1.0))
+    return np.where(both, known * (other.state.interior - result.state.interior), 0.0)

@@ -1,6 +1,7 @@
 """Which lens model is taken, from the residuals of photographs that took no part, and the doubt that this leaves."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -67,3 +68,15 @@ def test_what_other_models_would_have_given_is_in_the_standard_errors():
     worse = doubted({chosen: Judged(result, check(0.2, 0.001)), wide: Judged(other, check(0.5))}, chosen)
     assert np.array_equal(worse.covariance, result.covariance), "a model that does not keep up leaves no doubt"
     assert doubted({chosen: Judged(result, None)}, chosen).sigma0 == result.sigma0
+
+
+def test_a_model_says_of_a_parameter_as_much_as_it_determines_it():
+    """One that knows c three times less well differs by 12 px: a third of that is doubt."""
+    _, result = easy_calibration()
+    covariance = result.interior_covariance.copy()
+    covariance[0, 0] *= 9.0
+    state = result.state.with_interior(c=float(result.state.interior[0]) + 12.0)
+    loose = SimpleNamespace(state=state, interior_covariance=covariance)
+    chosen, wide = LensModel("brown", result.network.free), LensModel("fisheye", ("c", "x0", "y0", "k1"))
+    both = doubted({chosen: Judged(result, check(0.2)), wide: Judged(loose, check(0.2))}, chosen)
+    assert both.interior_covariance[0, 0] == pytest.approx(result.interior_covariance[0, 0] + 0.5 * 4.0**2)
