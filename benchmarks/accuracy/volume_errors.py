@@ -1,31 +1,43 @@
 """Volumes of random polygons on a simulated town, against the standard errors that `orthomill measure` states for them.
 
 The error of a height is known in every cell (surface minus truth), and a volume is linear in heights: its error is the volume of
-that difference. Polygons are stars of eight corners, of five sizes; those of the first rows have no estimated cell.
+that difference. Polygons are stars of eight corners, of five sizes; those of the first rows have no estimated cell. What the
+orientations do to heights is known as well, from the true block: one draw of a level, of leans and bends, however many polygons.
 """
 
 import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation, map_coordinates
 
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
+from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.surface_answers import SurfaceCut
+from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_GROUND, TRUTH_MATERIAL, TRUTH_SURFACE, Material
+from orthomill.tasks.accuracy.answers.datum_lattice import DatumLattice
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
 from orthomill.tasks.accuracy.answers.measuring import correlation_words, surface_correlation
 from orthomill.tasks.accuracy.answers.polygon_volumes import inside_share, volume_weights
+from orthomill.tasks.evaluation.grids import codes_on, heights_on, placement
+from orthomill.tasks.evaluation.orientation_accuracy import datum_heights
 
 AREAS = (10.0, 100.0, 1000.0, 10_000.0, 100_000.0)
 """m2, of the circle about a star"""
 COUNT = 200
 TRIES = 4000
-DIFFERENCE = "evaluation/dh_before_check"
+MODES = 4
+NODES = 33
+"""places along a side at which it is computed what the orientations do"""
+LEAST_MEASURED = 0.98
+"""share of the cells that photographs measured, where polygons are called measured: of 100 000 m2 a tree or two are not"""
 _ALONE = ErrorCorrelation((0.0, 1.0), (1.0, 0.0))
 
 
@@ -41,8 +53,11 @@ class Town:
     """A simulated town in memory: its surface, and the surface minus the truth (rows, cols) m."""
 
     grid: MapGrid
+    block: Block
     whole: SurfaceCut
     wrong: np.ndarray
+    turned: np.ndarray
+    """(rows, cols) m: what the orientations do to heights"""
 
     def read(self, window: Window) -> SurfaceCut:
         """A window of the surface."""
@@ -50,11 +65,27 @@ class Town:
         return SurfaceCut(self.whole.height[w], self.whole.relative[w], self.whole.datum[w], self.whole.measured[w])
 
 
+def errors_of(store: Store, grid: MapGrid, height: np.ndarray) -> np.ndarray:
+    """The errors (rows, cols) m of heights; below crowns those from the ground where it is closer: leaves are full of holes, and
+    what photographs show through them is no error."""
+    place = placement(grid, Window(0, 0, *grid.shape), store.table(TRUTH_GRID))
+    surface, ground = (height - heights_on(store.read(name, place.source_window), place) for name in (TRUTH_SURFACE, TRUTH_GROUND))
+    tree = binary_dilation(codes_on(store.read(TRUTH_MATERIAL, place.source_window), place) == Material.TREE, iterations=2)
+    return np.where(tree & (np.abs(ground) < np.abs(surface)), ground, surface)
+
+
 def town_of(run: str) -> Town:
     """What a finished run has."""
     surface = RunSurface(Path(run))
     full = Window(0, 0, surface.grid.rows, surface.grid.cols)
-    return Town(surface.grid, surface.read(full), surface.store.read(DIFFERENCE, full))
+    grid, block, true = surface.grid, surface.store.table(BLOCK), surface.store.table(TRUTH_BLOCK)
+    row, col = (np.linspace(0, count - 1, NODES) for count in grid.shape)
+    x, y = np.meshgrid(grid.west + (col + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell)
+    raised = datum_heights(block, true, np.column_stack([x.ravel(), y.ravel(), np.full(x.size, true.ground_mean)]))
+    at = (np.arange(count) * (NODES - 1) / (count - 1) for count in grid.shape)
+    turned = map_coordinates(raised.reshape(x.shape), np.meshgrid(*at, indexing="ij"), order=1, output=np.float32)
+    cut = surface.read(full)
+    return Town(grid, block, cut, errors_of(surface.store, grid, cut.height), turned)
 
 
 class Found(NamedTuple):
@@ -66,18 +97,30 @@ class Found(NamedTuple):
 
 @dataclass(frozen=True)
 class Kind:
-    """Which polygons, against what, and whether the one datum of the block is taken out of errors and promises."""
+    """Which polygons, against what, and what of the datum is taken out of errors and promises: nothing, the one level of the block
+    (a mean over all of it), or all of it in every cell."""
 
     name: str
     only_measured: bool = True
     border: bool = False
-    datum_known: bool = False
+    known: Literal["nothing", "level", "datum"] = "nothing"
+
+
+def without_level(pull: np.ndarray, corner: tuple[int, int], lattice: DatumLattice | None) -> float:
+    """The datum's share where the mean of its errors over the block is known: what a part errs apart from the whole."""
+    nodes = None if lattice is None else lattice.pulled(pull, corner)
+    if lattice is None or nodes is None:
+        return 0.0
+    apart = nodes - nodes.mean()
+    return math.sqrt(max(float(apart @ lattice.correlation @ apart), 0.0))
 
 
 def sampled(town: Town, area: float, kind: Kind, correlation: ErrorCorrelation) -> list[Found]:
     """Errors of volumes under COUNT polygons, above a level or above the plane through their border."""
     only_measured, border = kind.only_measured, kind.border
-    datum = float(np.nanmedian(np.where(town.whole.measured, town.wrong, np.nan))) if kind.datum_known else 0.0
+    errors = town.wrong - town.turned if kind.known == "datum" else town.wrong
+    if kind.known == "level":
+        errors = errors - np.float32(np.nanmean(town.turned))
     rng, grid, found = np.random.default_rng(39), town.grid, []
     radius = math.sqrt(area / math.pi) / grid.cell
     side = 2 * math.ceil(1.2 * radius) + 3
@@ -87,23 +130,47 @@ def sampled(town: Town, area: float, kind: Kind, correlation: ErrorCorrelation) 
         row, col = rng.integers(0, grid.rows - side), rng.integers(0, grid.cols - side)
         ring = star(rng, radius) + side / 2
         window = Window(int(row), int(col), side, side)
-        cut, wrong = town.read(window), town.wrong[window.slices]
+        cut, wrong = town.read(window), errors[window.slices]
         # The middle half first, which spares most of the work on places that do not serve.
         middle = slice(side // 4, side - side // 4)
-        if not np.isfinite(wrong[middle, middle]).all() or (only_measured and not cut.measured[middle, middle].mean() > 0.98):
+        if not np.isfinite(wrong[middle, middle]).all() or (
+            only_measured and not cut.measured[middle, middle].mean() > LEAST_MEASURED
+        ):
             continue
         share = inside_share(ring, window.shape)
         inside = share > 0
-        if not inside.any() or not np.isfinite(wrong[inside]).all() or (only_measured and not cut.measured[inside].all()):
+        if not inside.any() or not np.isfinite(wrong[inside]).all():
+            continue
+        if only_measured and not cut.measured[inside].mean() > LEAST_MEASURED:
             continue
         weights = volume_weights(share * grid.cell**2, border)
-        error = error_of(weights, SurfacePart(cut.height, cut.relative, cut.datum, cut.measured), correlation)
-        volume = float((weights * np.where(inside, wrong - datum, 0.0)).sum())
-        sigma = math.hypot(error.measured, error.estimated) if kind.datum_known else error.sigma
+        corner = int(row), int(col)
+        error = error_of(weights, SurfacePart(cut.height, cut.relative, cut.datum, cut.measured, corner), correlation)
+        volume = float((weights * np.where(inside, wrong, 0.0)).sum())
+        shares = {"nothing": error.datum, "datum": 0.0}
+        if kind.known == "level":
+            shares["level"] = without_level(weights * np.where(inside, cut.datum, 0.0), corner, correlation.datum)
+        sigma = math.hypot(error.measured, error.estimated, shares[kind.known])
         found.append(Found(volume / float(share.sum() * grid.cell**2), abs(volume) / sigma))
         if len(found) == COUNT:
             break
     return found
+
+
+def modes_of(town: Town, lattice: DatumLattice | None) -> str:
+    """The largest parts of the datum's error, in what is stated for them."""
+    if lattice is None:
+        return "The block states no covariances."
+    row, col = (a.ravel() for a in np.meshgrid(np.rint(lattice.rows).astype(int), np.rint(lattice.cols).astype(int), indexing="ij"))
+    error, sigma = town.turned[row, col], town.whole.datum[row, col]
+    known = np.isfinite(error) & (sigma > 0)
+    within = lattice.correlation[np.ix_(known, known)] * np.outer(sigma[known], sigma[known])
+    values, parts = np.linalg.eigh(within)
+    found = [
+        f"{parts[:, k] @ error[known] / math.sqrt(values[k]):+.1f} of {1000 * math.sqrt(values[k] / known.sum()):.0f} mm"
+        for k in np.argsort(-values)[:MODES]
+    ]
+    return f"The datum's error by modes, in their standard errors (rms over the block): {', '.join(found)}."
 
 
 def row_of(name: str, area: float, found: list[Found]) -> str:
@@ -118,7 +185,8 @@ def row_of(name: str, area: float, found: list[Found]) -> str:
 
 _KINDS = (
     Kind("measured, above a level"),
-    Kind("measured, above a level, the block's datum known", datum_known=True),
+    Kind("measured, above a level, the block's level known", known="level"),
+    Kind("measured, above a level, the datum known everywhere", known="datum"),
     Kind("measured, above the border's plane", border=True),
     Kind("anywhere, above a level", only_measured=False),
 )
@@ -132,7 +200,7 @@ def main(words: list[str]) -> None:
     for run in [word for word in words if not word.isdigit()] or ["runs/volos"]:
         town = town_of(run)
         known = surface_correlation(town)
-        lines += [f"## {Path(run).name}", "", correlation_words(known), ""]
+        lines += [f"## {Path(run).name}", "", correlation_words(known), "", modes_of(town, known.datum), ""]
         lines += ["| polygons | area m2 | number | rms mean height error mm | rms error / sigma | within 1 (%) | within 2 (%) |"]
         lines += ["| --- | --- | --- | --- | --- | --- | --- |"]
         for kind in _KINDS:
@@ -140,8 +208,10 @@ def main(words: list[str]) -> None:
         lines += [row_of(_AS_EVERYBODY.name, 1000.0, sampled(town, 1000.0, _AS_EVERYBODY, _ALONE)), ""]
     lines += [
         "Errors of a volume divided by the standard error that is stated for it; of normal errors 68 and 95 % lie within 1 and 2.",
-        "Above a level the datum of the one block counts in every row: one draw of it, not many; it is taken out of errors (median",
-        "of measured cells) and promises where it is known. Anywhere: estimates, walls and trees too.",
+        "Above a level the datum of the one block counts in every row: one draw of its level, leans and bends, not many. The level",
+        "of the block, and the datum of every cell, are taken out of errors by the true orientations, and out of promises by the",
+        "block's covariances, where they are known. Modes: the datum's error at the places of the lattice by its principal parts,",
+        "in standard errors: independent of each other, so a test of as many draws. Anywhere: estimates, walls and trees too.",
     ]
     write_page("volume_errors", words, "\n".join(lines))
 

@@ -5,6 +5,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 
 FeatureKind = Literal["point", "line", "polygon"]
@@ -38,6 +39,11 @@ class MeasuredSource(Protocol):
     @property
     def grid(self) -> MapGrid:
         """Of the surface."""
+        ...
+
+    @property
+    def block(self) -> Block | None:
+        """Whose photographs made it; None where that is not known."""
         ...
 
     def read(self, window: Window) -> SurfaceCut:

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from orthomill.schemas.accuracy.surface_answers import DrawnFeature, MeasureRules, SurfaceCut
 from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation, correlation_from, window_products
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
@@ -98,6 +99,7 @@ class Ramp:
     """A tilted surface with noise-free heights."""
 
     grid: MapGrid = GRID
+    block: Block | None = None
 
     def read(self, window: Window) -> SurfaceCut:
         x, y = self.grid.centres(window)

@@ -11,6 +11,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.surface_answers import SurfaceCut
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import HeightFile
+from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import CORRECTED, DATUM_PRECISION, HEIGHT, MEASURED, PROVENANCE, RELATIVE_PRECISION, SURFACE
 
@@ -40,6 +41,11 @@ class RunSurface:
     def grid(self) -> MapGrid:
         """Of the surface."""
         return self.store.table(SURFACE).grid
+
+    @cached_property
+    def block(self) -> Block | None:
+        """Whose photographs made the surface; None where it was given."""
+        return self.store.table(BLOCK) if self.store.has_table(BLOCK) else None
 
     @property
     def crs(self) -> str:

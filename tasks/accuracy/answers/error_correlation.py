@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthomill.tasks.accuracy.answers.datum_lattice import DatumLattice
+
 DISTANCES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 """cells"""
 ASSUMED = (1.0, 0.97, 0.89, 0.80, 0.69, 0.46, 0.27, 0.08, 0.06, 0.06, 0.04, 0.0)
@@ -24,12 +26,15 @@ _ROUGH = 1.25
 
 @dataclass(frozen=True)
 class ErrorCorrelation:
-    """Correlation of the errors of two heights by their distance, in cells; 0 beyond the last one."""
+    """Correlation of the errors of two heights: of matching by their distance, in cells, 0 beyond the last one; of the datum by
+    their places."""
 
     distances: tuple[float, ...] = DISTANCES
     values: tuple[float, ...] = ASSUMED
     windows: int = 0
     """windows that it was estimated from; 0: assumed"""
+    datum: DatumLattice | None = None
+    """None: one error, common to the block"""
 
     @property
     def cells(self) -> float:
@@ -55,7 +60,9 @@ def window_products(height: np.ndarray, sigma: np.ndarray, measured: np.ndarray)
         return None
     rows, cols = np.indices(height.shape) / (height.shape[0] / 2) - 1.0
     design = np.stack([np.ones_like(rows), rows, cols, rows * rows, rows * cols, cols * cols], axis=-1)
-    found = np.linalg.lstsq(design[known], height[known].astype(np.float64), rcond=None)[0]
+    # Coordinates are of the order of one, so normal equations are as good as a decomposition of all cells, and many times cheaper.
+    rows_of, heights = design[known], height[known].astype(np.float64)
+    found = np.linalg.solve(rows_of.T @ rows_of, rows_of.T @ heights)
     residual = np.where(known, (height - design @ found) / np.where(known, sigma, 1.0), 0.0)
     spread = 1.4826 * np.median(np.abs(residual[known]))
     if not 0 < spread < _ROUGH or (np.abs(residual[known]) > 6 * spread).mean() > 0.002:

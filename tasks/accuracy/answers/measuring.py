@@ -17,6 +17,7 @@ from orthomill.schemas.accuracy.surface_answers import (
 )
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.accuracy.answers.datum_lattice import datum_lattice
 from orthomill.tasks.accuracy.answers.error_correlation import LEAST, SIDES, ErrorCorrelation, correlation_from, window_products
 from orthomill.tasks.accuracy.answers.line_answers import line_answer, profile_places, spot_height
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
@@ -35,7 +36,7 @@ def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: 
     profiles: list[ProfilePoint] = []
     for feature in features:
         window = _around(surface.grid, feature)
-        part = _part(surface.read(window))
+        part = _part(surface.read(window), window)
         if feature.kind == "point":
             answers.extend(_spot(feature, surface.grid, window, part, correlation))
         elif feature.kind == "line":
@@ -47,12 +48,14 @@ def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: 
 
 
 def surface_correlation(surface: MeasuredSource) -> ErrorCorrelation:
-    """How errors of neighbouring heights of a surface are correlated, from its own smooth ground."""
+    """How errors of heights of a surface are correlated: those of neighbours from its own smooth ground, those of the datum from
+    the block."""
+    datum = None if surface.block is None else datum_lattice(surface.block, surface.grid)
     for side in SIDES:
         found = list(_smooth_windows(surface, side))
         if len(found) >= LEAST:
-            return correlation_from(found, side)
-    return ErrorCorrelation()
+            return replace(correlation_from(found, side), datum=datum)
+    return ErrorCorrelation(datum=datum)
 
 
 def _smooth_windows(surface: MeasuredSource, side: int) -> Iterator[np.ndarray]:
@@ -76,11 +79,12 @@ def correlation_words(correlation: ErrorCorrelation) -> str:
         known = f"as in {correlation.windows} windows of smooth ground of this surface, and no less than on a simulated town"
     else:
         known = "as on a simulated town, for this surface has too little smooth ground to tell"
-    return f"Errors of neighbouring heights are taken as correlated {known}: {cells}."
+    leaning = "leans and bends as the block's covariances say" if correlation.datum else "is one error, common to the block"
+    return f"Errors of neighbouring heights are taken as correlated {known}: {cells}. The datum {leaning}."
 
 
-def _part(cut: SurfaceCut) -> SurfacePart:
-    return SurfacePart(cut.height, cut.relative, cut.datum, cut.measured)
+def _part(cut: SurfaceCut, window: Window) -> SurfacePart:
+    return SurfacePart(cut.height, cut.relative, cut.datum, cut.measured, (window.row, window.col))
 
 
 def _around(grid: MapGrid, feature: DrawnFeature) -> Window:
@@ -164,7 +168,7 @@ def _polygon(
     found = volume_of(part, share, grid.cell, base, correlation)
     error = found.error
     if other is not None:
-        error = replace(error, measured=math.hypot(error.measured, _of_base(other, share, grid.cell, correlation)))
+        error = replace(error, measured=math.hypot(error.measured, _of_base(other, window, share, grid.cell, correlation)))
     corners = _of_corners(feature, part, share, base, rules.corner, grid.cell)
     error = replace(error, plan=corners)
     note = "; ".join(filter(None, (words, *_reservations(found))))
@@ -187,10 +191,10 @@ def _base(rules: MeasureRules, window: Window) -> tuple[np.ndarray | float | Non
     return None, "against the plane through its border", None
 
 
-def _of_base(base: SurfaceCut, share: np.ndarray, cell: float, correlation: ErrorCorrelation) -> float:
+def _of_base(base: SurfaceCut, window: Window, share: np.ndarray, cell: float, correlation: ErrorCorrelation) -> float:
     """What another surface adds, with errors of its own; its datum is taken as independent."""
     weights = np.where(np.isfinite(base.height), share, 0.0) * cell**2
-    return error_of(weights, _part(base), correlation).sigma
+    return error_of(weights, _part(base, window), correlation).sigma
 
 
 def _of_corners(
