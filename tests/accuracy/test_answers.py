@@ -11,6 +11,7 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation, correlation_from, window_products
+from orthomill.tasks.accuracy.answers.line_answers import bilinear_weights, spot_height
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
 from orthomill.tasks.accuracy.answers.measuring import measure
 from orthomill.tasks.accuracy.answers.polygon_volumes import area_of, inside_share, volume_of
@@ -144,3 +145,12 @@ def test_what_lies_in_a_hole_is_not_part_of_a_polygon():
 def test_what_lies_elsewhere_is_said_so():
     with pytest.raises(GeometryError, match="far lies outside"):
         measure(Ramp(), (DrawnFeature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())
+
+
+def test_a_height_in_a_large_part_is_that_of_its_four_cells():
+    surface, known = part(np.arange(35.0).reshape(5, 7), sigma=0.03, datum=0.1), gaussian_correlation()
+    found = spot_height(surface, 4.25, 2.5, known)
+    whole = error_of(bilinear_weights((5, 7), 4.25, 2.5), surface, known)
+    assert found.height == pytest.approx(2.5 * 7 + 4.25) and found.error.sigma == pytest.approx(whole.sigma)
+    for col, row in ((-0.5, 2.0), (2.0, -0.5), (6.5, 2.0), (2.0, 4.2)):
+        assert spot_height(surface, col, row, known) is None

@@ -45,7 +45,10 @@ def bilinear_weights(shape: tuple[int, int], col: float, row: float) -> np.ndarr
 
 def spot_height(part: SurfacePart, col: float, row: float, correlation: ErrorCorrelation) -> SpotHeight | None:
     """The height at a place of the part; None outside of it or without heights around."""
-    weights = bilinear_weights(part.height.shape, col, row)
+    # Of these four cells alone: a profile asks at thousands of places of a large part.
+    i, j = max(math.floor(row), 0), max(math.floor(col), 0)
+    part = part.cut(slice(i, i + 2), slice(j, j + 2))
+    weights = bilinear_weights(part.height.shape, col - j, row - i)
     if weights is None or not np.isfinite(part.height[weights > 0]).all():
         return None
     height = float((weights * np.where(weights > 0, part.height, 0.0)).sum())

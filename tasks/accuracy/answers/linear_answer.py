@@ -46,6 +46,12 @@ class SurfacePart:
     measured: np.ndarray
     corner: tuple[int, int] = (0, 0)
 
+    def cut(self, rows: slice, cols: slice) -> "SurfacePart":
+        """These rows and columns of it, with bounds that are not negative."""
+        at = np.s_[rows, cols]
+        corner = self.corner[0] + rows.start, self.corner[1] + cols.start
+        return SurfacePart(self.height[at], self.relative[at], self.datum[at], self.measured[at], corner)
+
 
 def error_of(weights: np.ndarray, part: SurfacePart, correlation: ErrorCorrelation) -> ErrorShares:
     """The standard error of sum(weights * height); weights (rows, cols), 0 where a cell has no part in the answer."""
