@@ -42,7 +42,7 @@ class DatumLattice:
         rows, cols = (np.flatnonzero(pull.any(axis=axis)) for axis in (1, 0))
         pull = pull[np.ix_(rows, cols)]
         down, across = _shares(self.rows, corner[0] + rows), _shares(self.cols, corner[1] + cols)
-        used = (down.any(axis=0)[:, None] & across.any(axis=0)[None, :]).ravel()
+        used = np.outer(down.any(axis=0), across.any(axis=0)).ravel()
         if np.isnan(self.correlation[np.ix_(used, used)]).any():
             return None
         # Between places a mean of their errors stands for the error there, and means are smaller: each cell keeps its own.
