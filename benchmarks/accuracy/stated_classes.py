@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.accuracy.true_errors import errors_of
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
 from orthomill.pipeline.storage.store import Store
@@ -24,22 +25,23 @@ SURVEY = 0.02
 """m"""
 GROSS = 10.0
 """promised errors: beyond it a height is a blunder, of which no root mean square of a few points tells"""
-DIFFERENCE = "evaluation/dh_before_check"
 
 
 def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Places (N, 2) m where heights can be tested, their errors (N,) m and what the surface promises (N,) m."""
     store, grid, rng = Store(Path(run)), RunSurface(Path(run)).grid, np.random.default_rng(1)
-    whole = [store.read(name, store.spec(name).full) for name in (HEIGHT, PRECISION, PROVENANCE, DIFFERENCE)]
+    whole = [store.read(name, store.spec(name).full) for name in (HEIGHT, PRECISION, PROVENANCE)]
+    # A pole stands on the ground, below leaves as well.
+    wrong = errors_of(store, grid, whole[0])
     places, errors, promised = [], [], []
     for _ in range(PLACES):
         row, col = rng.integers(8, grid.rows - 8), rng.integers(8, grid.cols - 8)
         # Just beside a cell's centre, where the truth of that cell holds.
         x, y = grid.west + (col + 0.501) * grid.cell, grid.north - (row + 0.501) * grid.cell
         window = cells_around(grid, x, y).clipped(grid.shape)
-        parts = (raster[window.slices] for raster in whole[:3])
+        parts = (raster[window.slices] for raster in whole)
         found = height_at(CellsAround(grid, window, *parts), x, y, 0.1)
-        error = float(whole[3][row, col])
+        error = float(wrong[row, col])
         if found.tested and math.isfinite(error):
             places.append((x, y))
             errors.append(error)

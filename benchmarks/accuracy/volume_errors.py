@@ -12,21 +12,20 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation, map_coordinates
+from scipy.ndimage import map_coordinates
 
+from benchmarks.accuracy.true_errors import errors_of
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
-from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.surface_answers import SurfaceCut
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.truth import TRUTH_BLOCK, TRUTH_GRID, TRUTH_GROUND, TRUTH_MATERIAL, TRUTH_SURFACE, Material
+from orthomill.schemas.truth import TRUTH_BLOCK
 from orthomill.tasks.accuracy.answers.datum_lattice import DatumLattice
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
 from orthomill.tasks.accuracy.answers.measuring import correlation_words, surface_correlation
 from orthomill.tasks.accuracy.answers.polygon_volumes import inside_share, volume_weights
-from orthomill.tasks.evaluation.grids import codes_on, heights_on, placement
 from orthomill.tasks.evaluation.orientation_accuracy import datum_heights
 
 AREAS = (10.0, 100.0, 1000.0, 10_000.0, 100_000.0)
@@ -63,15 +62,6 @@ class Town:
         """A window of the surface."""
         w = window.slices
         return SurfaceCut(self.whole.height[w], self.whole.relative[w], self.whole.datum[w], self.whole.measured[w])
-
-
-def errors_of(store: Store, grid: MapGrid, height: np.ndarray) -> np.ndarray:
-    """The errors (rows, cols) m of heights; below crowns those from the ground where it is closer: leaves are full of holes, and
-    what photographs show through them is no error."""
-    place = placement(grid, Window(0, 0, *grid.shape), store.table(TRUTH_GRID))
-    surface, ground = (height - heights_on(store.read(name, place.source_window), place) for name in (TRUTH_SURFACE, TRUTH_GROUND))
-    tree = binary_dilation(codes_on(store.read(TRUTH_MATERIAL, place.source_window), place) == Material.TREE, iterations=2)
-    return np.where(tree & (np.abs(ground) < np.abs(surface)), ground, surface)
 
 
 def town_of(run: str) -> Town:
