@@ -104,6 +104,15 @@ _ALL = (
         f"{RUN}; an environment with orthority",
         "RUN [PYTHON]",
     ),
+    Study(
+        "roof_edges",
+        "texture.roof_edges",
+        "how straight edges of roofs are in an orthoimage, and how straight the measure would find perfect ones",
+        "seconds",
+        ("tasks/texture", "tasks/colouring", "tasks/evaluation"),
+        RUN,
+        "RUN ...: finished runs of simulated towns",
+    ),
     Study("readme_picture", "readme_picture", "the picture of the README", "seconds", (), RUN, "RUN PICTURE", ()),
     # what is stated of accuracy
     Study(

@@ -33,19 +33,27 @@ class EdgeLines(NamedTuple):
 def edge_lines(
     grey: np.ndarray, true_grey: np.ndarray, roof: np.ndarray, seen: np.ndarray, corner: tuple[int, int], core: tuple[slice, slice]
 ) -> EdgeLines:
-    """Departures of the edges of roofs whose places lie in `core`.
+    """Sums of the departures of the edges of roofs whose places lie in `core`; arguments as of `departures`."""
+    left = departures(grey, true_grey, roof, seen, corner, core)
+    return EdgeLines(float(np.nansum(left**2)), int(np.isfinite(left).sum()))
+
+
+def departures(
+    grey: np.ndarray, true_grey: np.ndarray, roof: np.ndarray, seen: np.ndarray, corner: tuple[int, int], core: tuple[slice, slice]
+) -> np.ndarray:
+    """Departures (pieces, profiles) px of the edges of roofs, whose places lie in `core`, from their lines; NaN where the edge is
+    not found.
 
     grey, true_grey (rows, cols): mean of the channels, NaN where unknown; roof and seen (rows, cols) bool: of the truth, and where
     places count; corner: row and column of the first pixel in the whole image, so that every tiling takes the same places.
     """
     place = np.argwhere(_places(roof, corner, core) & seen)
     if not len(place):
-        return EdgeLines(0.0, 0)
+        return np.zeros((0, 2 * _ALONG + 1))
     away = _displacements(grey, true_grey, place.astype(np.float64), _normals(roof, place))
     known = np.isfinite(away)
     pieces = away[known.sum(axis=1) >= _ENOUGH]
-    left = _without_line(pieces)
-    return EdgeLines(float(np.nansum(left**2)), int(np.isfinite(left).sum()))
+    return _without_line(pieces)
 
 
 def _places(roof: np.ndarray, corner: tuple[int, int], core: tuple[slice, slice]) -> np.ndarray:
