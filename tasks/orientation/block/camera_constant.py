@@ -24,7 +24,7 @@ from orthomill.tasks.adjustment.solve.normal_equations import reduced_normals
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of
-from orthomill.tasks.orientation.block.self_calibration import all_fixed
+from orthomill.tasks.orientation.block.self_calibration import AREAS, all_fixed, rays_per_photograph
 
 DETERMINED = 3.0
 """A free camera constant replaces the given one from this many of its own standard errors on: the usual three-sigma test."""
@@ -105,7 +105,7 @@ def _freed(
             freed = adjust(with_free_constants(network, doubtful), state, rays, test)
         except GeometryError:
             return None, doubtful
-        fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed)
+        fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed) * _alike(freed)
         wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * sigma_given, DETERMINED * sigma))
         if (wrong == doubtful).all():
             return freed, wrong
@@ -114,6 +114,12 @@ def _freed(
         interior[:, 0] = np.where(wrong, fits, given)
         state, doubtful = replace(state, interior=interior), wrong
     return None, doubtful
+
+
+def _alike(result: Adjustment) -> np.ndarray:
+    """(C,) by how much standard errors grow where a photograph counts as one measurement in each of its areas: over flat ground
+    errors that neighbours share take a constant as far as a wrong tag does."""
+    return np.sqrt(np.maximum(rays_per_photograph(result) / AREAS, 1.0))
 
 
 def _constant_sigmas(freed: Adjustment) -> np.ndarray:

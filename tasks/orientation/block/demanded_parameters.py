@@ -22,7 +22,7 @@ from orthomill.tasks.adjustment.model.network import Interior, Network, Rays, St
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.geometry.distortion import BROWN
 from orthomill.tasks.orientation.block.camera_constant import Tested, adjust_tested, step_in
-from orthomill.tasks.orientation.block.self_calibration import AREAS
+from orthomill.tasks.orientation.block.self_calibration import AREAS, rays_per_photograph
 
 HELD = np.array([INTERIOR.index(name) for name in ("x0", "y0", "k3")])
 """What the rule of nominal cameras keeps, besides c."""
@@ -80,13 +80,6 @@ def demanding(result: Adjustment, held: np.ndarray) -> np.ndarray:
         square = float(step[own] @ np.linalg.pinv(cofactor.joint(own), hermitian=True, rcond=1e-12) @ step[own])
         cameras[k] = square * min(independent[k], 1.0) > DEMANDED
     return cameras
-
-
-def rays_per_photograph(result: Adjustment) -> np.ndarray:
-    """(C,) the mean number of measurements in a photograph of each camera."""
-    camera_of, cameras = result.network.camera_of, len(result.network.interior.value)
-    rays = np.bincount(camera_of[result.rays.photo[result.used]], minlength=cameras)
-    return np.maximum(rays, 1) / np.maximum(np.bincount(camera_of, minlength=cameras), 1)
 
 
 def _with_unknown(interior: Interior, chosen: np.ndarray) -> Interior:

@@ -18,6 +18,7 @@ from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.solve.ray_intersection import sufficiently_observed
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.covariances import covariance_of
 
 AREAS = 9
@@ -105,3 +106,10 @@ def _with_fixed_shape(network: Network, camera: int) -> Network:
     free[camera, SHAPE] = False
     weight[camera, SHAPE], weight[camera, :, SHAPE] = 0.0, 0.0
     return replace(network, interior=replace(interior, free=free, weight=weight, considered=interior.considered & free))
+
+
+def rays_per_photograph(result: Adjustment) -> np.ndarray:
+    """(C,) the mean number of measurements in a photograph of each camera."""
+    camera_of, cameras = result.network.camera_of, len(result.network.interior.value)
+    rays = np.bincount(camera_of[result.rays.photo[result.used]], minlength=cameras)
+    return np.maximum(rays, 1) / np.maximum(np.bincount(camera_of, minlength=cameras), 1)

@@ -22,8 +22,7 @@ from orthomill.tasks.adjustment.testing.covariances import covariance_of, points
 from orthomill.tasks.adjustment.testing.error_fields import weighted_rays
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.block.camera_constant import step_in
-from orthomill.tasks.orientation.block.demanded_parameters import rays_per_photograph
-from orthomill.tasks.orientation.block.self_calibration import AREAS
+from orthomill.tasks.orientation.block.self_calibration import AREAS, rays_per_photograph
 
 CONSTANT = INTERIOR.index("c")
 """A camera constant scales the block, and hardly bends it: it stays considered as it was given."""

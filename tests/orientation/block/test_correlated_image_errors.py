@@ -80,3 +80,11 @@ def test_cameras_of_turned_photographs_have_their_white_standard_errors():
 def test_white_noise_shows_no_correlation(volos_like):
     precision = volos_like[1]["precision"]
     assert precision.common_px is None and precision.common_share is None and precision.white_sigma == {}
+
+
+def test_fields_do_not_contradict_a_right_constant():
+    """Taken for white noise they do: 1511 px, for 1597."""
+    block = displaced(two_strips(1, gnss=3.0, control=0), 1, 2.0)
+    out = orient(block)
+    assert "constant_contradicted" not in [finding.code for finding in out["precision"].findings]
+    assert abs(out["block"].cameras["cam"].c / block.views[0].camera.c - 1.0) < 0.01
