@@ -113,6 +113,15 @@ _ALL = (
         RUN,
         "RUN ...: finished runs of simulated towns",
     ),
+    Study(
+        "qgis_reads",
+        "delivery.qgis_reads",
+        "what QGIS says of the products of a run, and its picture of them",
+        "seconds",
+        ("pipeline/export",),
+        f"{RUN}; Debian's python3-qgis",
+        "RUN [PYTHON]",
+    ),
     Study("readme_picture", "readme_picture", "the picture of the README", "seconds", (), RUN, "RUN PICTURE", ()),
     # what is stated of accuracy
     Study(
