@@ -23,7 +23,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QSize
 from qgis.PyQt.QtGui import QColor
 
-RASTERS, VECTORS, CLOUDS = {".tif", ".jpg", ".png"}, {".gpkg", ".geojson", ".dxf", ".kml"}, {".laz"}
+RASTERS, VECTORS, CLOUDS = {".tif", ".jpg", ".png", ".mbtiles"}, {".gpkg", ".geojson", ".dxf", ".kml"}, {".laz"}
 SIDE = 1400
 
 

@@ -122,6 +122,15 @@ _ALL = (
         f"{RUN}; Debian's python3-qgis",
         "RUN [PYTHON]",
     ),
+    Study(
+        "iso_schemas",
+        "delivery.iso_schemas",
+        "metadata of a run against ISO's own schemas",
+        "seconds",
+        ("pipeline/export/metadata",),
+        f"{RUN}; ISO's schemas, a Python with lxml",
+        "RUN SCHEMAS OTHERS [PYTHON]",
+    ),
     Study("readme_picture", "readme_picture", "the picture of the README", "seconds", (), RUN, "RUN PICTURE", ()),
     # what is stated of accuracy
     Study(
