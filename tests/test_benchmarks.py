@@ -21,7 +21,7 @@ MODULES = sorted(
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
     for path in (ROOT / "benchmarks").rglob("*.py")
     # It runs in the environment of the peer.
-    if path.name not in ("orthority_worker.py", "__init__.py")
+    if path.name not in ("orthority_worker.py", "qgis_reader.py", "xml_validator.py", "__init__.py")
 )
 ALONE = {"benchmarks.orthority_worker", "benchmarks.orientation.colmap_block"}
 """programs that run in the environment of a peer"""
