@@ -96,13 +96,13 @@ class Kind:
     known: Literal["nothing", "level", "datum"] = "nothing"
 
 
-def without_level(pull: np.ndarray, corner: tuple[int, int], lattice: DatumLattice | None) -> float:
+def without_level(weights: np.ndarray, datum: np.ndarray, corner: tuple[int, int], lattice: DatumLattice | None) -> float:
     """The datum's share where the mean of its errors over the block is known: what a part errs apart from the whole."""
-    nodes = None if lattice is None else lattice.pulled(pull, corner)
+    nodes = None if lattice is None else lattice.shared(weights, datum, corner)
     if lattice is None or nodes is None:
         return 0.0
     apart = nodes - nodes.mean()
-    return math.sqrt(max(float(apart @ lattice.correlation @ apart), 0.0))
+    return math.sqrt(max(float(apart @ lattice.covariance @ apart), 0.0))
 
 
 def sampled(town: Town, area: float, kind: Kind, correlation: ErrorCorrelation) -> list[Found]:
@@ -139,7 +139,7 @@ def sampled(town: Town, area: float, kind: Kind, correlation: ErrorCorrelation) 
         volume = float((weights * np.where(inside, wrong, 0.0)).sum())
         shares = {"nothing": error.datum, "datum": 0.0}
         if kind.known == "level":
-            shares["level"] = without_level(weights * np.where(inside, cut.datum, 0.0), corner, correlation.datum)
+            shares["level"] = without_level(weights, np.where(inside, cut.datum, 0.0), corner, correlation.datum)
         sigma = math.hypot(error.measured, error.estimated, shares[kind.known])
         found.append(Found(volume / float(share.sum() * grid.cell**2), abs(volume) / sigma))
         if len(found) == COUNT:
@@ -152,10 +152,9 @@ def modes_of(town: Town, lattice: DatumLattice | None) -> str:
     if lattice is None:
         return "The block states no covariances."
     row, col = (a.ravel() for a in np.meshgrid(np.rint(lattice.rows).astype(int), np.rint(lattice.cols).astype(int), indexing="ij"))
-    error, sigma = town.turned[row, col], town.whole.datum[row, col]
-    known = np.isfinite(error) & (sigma > 0)
-    within = lattice.correlation[np.ix_(known, known)] * np.outer(sigma[known], sigma[known])
-    values, parts = np.linalg.eigh(within)
+    error = town.turned[row, col]
+    known = np.isfinite(error)
+    values, parts = np.linalg.eigh(lattice.covariance[np.ix_(known, known)])
     found = [
         f"{parts[:, k] @ error[known] / math.sqrt(values[k]):+.1f} of {1000 * math.sqrt(values[k] / known.sum()):.0f} mm"
         for k in np.argsort(-values)[:MODES]

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from shifted_block import shifted_block, shown_places
+from shifted_block import COMMON, shifted_block, shown_places
 
 from orthomill.schemas.raster import MapGrid
 from orthomill.tasks.accuracy.answers.datum_lattice import DatumLattice, datum_lattice
 from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
+from orthomill.tasks.accuracy.answers.polygon_volumes import volume_weights
 
 SIDE = 61
 """cells along a surface"""
@@ -21,10 +22,7 @@ def leaning() -> tuple[DatumLattice, np.ndarray]:
     """The lattice of a block with errors of level and lean, and its standard errors (SIDE, SIDE) m."""
     row, col = (a.ravel() for a in np.meshgrid(*(np.linspace(-1, 1, len(AT)),) * 2, indexing="ij"))
     shapes = np.column_stack([LEVEL + 0 * row, LEAN * row, LEAN * col])
-    covariance = shapes @ shapes.T
-    sigma = np.sqrt(np.diag(covariance))
-    own = np.sqrt(LEVEL**2 + LEAN**2 * (ROWS**2 + COLS**2))
-    return DatumLattice(AT, AT, covariance / np.outer(sigma, sigma)), own
+    return DatumLattice(AT, AT, shapes @ shapes.T), np.sqrt(LEVEL**2 + LEAN**2 * (ROWS**2 + COLS**2))
 
 
 def draws(number: int) -> np.ndarray:
@@ -47,27 +45,37 @@ def test_answers_scatter_as_they_say_where_a_block_leans(answer):
         weights[5, 5], weights[(55, 55) if answer == "rise" else (5, 15)] = 1.0, -1.0
     lattice, own = leaning()
     scatter = np.sqrt(((draws(4000) * weights).sum(axis=(1, 2)) ** 2).mean())
-    assert lattice.sigma(weights * own, (0, 0)) == pytest.approx(scatter, rel=0.07)
+    assert lattice.sigma(weights, own, (0, 0)) == pytest.approx(scatter, rel=0.05)
+    assert lattice.sigma(weights, 1.1 * own, (0, 0)) == pytest.approx(1.1 * lattice.sigma(weights, own, (0, 0)))
 
 
 def test_a_part_of_a_surface_says_what_the_whole_says():
     lattice, own = leaning()
-    pull = own * (np.indices(own.shape).sum(axis=0) % 3 - 1.2)
-    pull[:40], pull[:, :20] = 0.0, 0.0
-    assert lattice.sigma(pull[40:, 20:], (40, 20)) == pytest.approx(lattice.sigma(pull, (0, 0)))
+    weights = np.indices(own.shape).sum(axis=0) % 3 - 1.2
+    weights[:40], weights[:, :20] = 0.0, 0.0
+    whole = lattice.sigma(weights, own, (0, 0))
+    assert lattice.sigma(weights[40:, 20:], own[40:, 20:], (40, 20)) == pytest.approx(whole)
     part = SurfacePart(0 * own, 0 * own, own, own > 0, (0, 0))
-    known = error_of(pull / own, part, ErrorCorrelation(datum=lattice))
-    assert known.datum == pytest.approx(lattice.sigma(pull, (0, 0))) and known.measured == 0
+    known = error_of(weights, part, ErrorCorrelation(datum=lattice))
+    assert known.datum == pytest.approx(whole) and known.measured == 0
+
+
+def test_a_lean_has_no_part_above_the_plane_through_the_border():
+    lattice, own = leaning()
+    share = np.zeros(own.shape)
+    share[8:50, 11:47] = 1.0
+    level, border = (lattice.sigma(volume_weights(share, above), own, (0, 0)) for above in (False, True))
+    assert border < 1e-6 * level
 
 
 def test_what_the_adjustment_did_not_store_counts_as_common():
     lattice, own = leaning()
-    unknown = lattice.correlation.copy()
+    unknown = lattice.covariance.copy()
     unknown[0, -1] = unknown[-1, 0] = np.nan
-    found = DatumLattice(AT, AT, unknown)
-    assert found.sigma(own, (0, 0)) == pytest.approx(own.sum())
-    corner = own[:15, :15]
-    assert found.sigma(corner, (0, 0)) == pytest.approx(lattice.sigma(corner, (0, 0)))
+    found, ones = DatumLattice(AT, AT, unknown), np.ones(own.shape)
+    assert found.sigma(ones, own, (0, 0)) == pytest.approx(own.sum())
+    near = ones[:15, :15], own[:15, :15], (0, 0)
+    assert found.sigma(*near) == pytest.approx(lattice.sigma(*near))
 
 
 def test_a_block_that_is_shifted_as_a_whole_errs_as_one():
@@ -75,7 +83,8 @@ def test_a_block_that_is_shifted_as_a_whole_errs_as_one():
     (x, y), (east, north) = (f(shown_places(found)[:, :2], axis=0) for f in (np.min, np.max))
     grid = MapGrid(west=float(x), north=float(north), cell=1.0, rows=max(2, round(north - y)), cols=max(2, round(east - x)))
     lattice = datum_lattice(found, grid)
-    np.testing.assert_allclose(lattice.correlation, 1.0, atol=1e-3)
-    assert lattice.sigma(np.ones(grid.shape), (0, 0)) == pytest.approx(grid.rows * grid.cols, rel=1e-3)
+    np.testing.assert_allclose(lattice.covariance, COMMON[2, 2], rtol=1e-3)
+    ones = np.ones(grid.shape)
+    assert lattice.sigma(ones, 0.3 * ones, (0, 0)) == pytest.approx(0.3 * grid.rows * grid.cols, rel=1e-3)
     bare = found.model_copy(update={"photos": tuple(p.model_copy(update={"covariance": None}) for p in found.photos)})
     assert datum_lattice(bare, grid) is None

@@ -15,41 +15,46 @@ from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovarianc
 
 NODES = 7
 """places along a side: level and tilt are straight over the whole block, and a bend is nearly so over a sixth of it"""
-_LEAST = 0.05
-"""of the variance at places that is left between them at least: beyond, the places say nothing of what lies between"""
 
 
 @dataclass(frozen=True, eq=False)
 class DatumLattice:
-    """Correlation (n, n) of the errors of the datum at the places of `rows` and `cols` (cells of the surface, rising), row by
+    """Covariance (n, n) m2 of the errors of the datum at the places of `rows` and `cols` (cells of the surface, rising), row by
     row; NaN where the adjustment did not store it."""
 
     rows: np.ndarray
     cols: np.ndarray
-    correlation: np.ndarray
+    covariance: np.ndarray
 
-    def sigma(self, pull: np.ndarray, corner: tuple[int, int]) -> float:
-        """Standard error of the sum of `pull` (rows, cols), weights times standard errors of the datum, of the cells from
-        `corner` (row, column) on. Where a correlation is not known the error counts as common to all cells."""
-        nodes = self.pulled(pull, corner)
+    def sigma(self, weights: np.ndarray, datum: np.ndarray, corner: tuple[int, int]) -> float:
+        """Standard error of the sum of `weights` (rows, cols) times errors of the datum, of the cells from `corner` (row, column)
+        on; datum (rows, cols): their standard errors, m. Where a covariance is not known the error counts as common to all cells.
+        """
+        nodes = self.shared(weights, datum, corner)
         if nodes is None:
-            return abs(float(pull.sum()))
-        return float(np.sqrt(max(nodes @ np.nan_to_num(self.correlation) @ nodes, 0.0)))
+            return abs(float((weights * datum).sum()))
+        return float(np.sqrt(max(nodes @ np.nan_to_num(self.covariance) @ nodes, 0.0)))
 
-    def pulled(self, pull: np.ndarray, corner: tuple[int, int]) -> np.ndarray | None:
-        """What of `pull` falls to each of the places (n,); None where a correlation of theirs is not known."""
+    def shared(self, weights: np.ndarray, datum: np.ndarray, corner: tuple[int, int]) -> np.ndarray | None:
+        """What of the weights falls to each of the places (n,); None where a covariance of theirs is not known.
+
+        Level and lean of a block are straight between places, so that they cancel where weights do. What is stated for the cells
+        (by pairs, not by all photographs together) differs by some per cent: all weights are changed by the one factor that makes
+        up for it.
+        """
         # A height in a large window has a part in four cells: the others cost and say nothing.
-        rows, cols = (np.flatnonzero(pull.any(axis=axis)) for axis in (1, 0))
-        pull = pull[np.ix_(rows, cols)]
+        rows, cols = (np.flatnonzero(weights.any(axis=axis)) for axis in (1, 0))
+        weights, datum = weights[np.ix_(rows, cols)], datum[np.ix_(rows, cols)]
         down, across = _shares(self.rows, corner[0] + rows), _shares(self.cols, corner[1] + cols)
         used = np.outer(down.any(axis=0), across.any(axis=0)).ravel()
-        if np.isnan(self.correlation[np.ix_(used, used)]).any():
+        if np.isnan(self.covariance[np.ix_(used, used)]).any():
             return None
-        # Between places a mean of their errors stands for the error there, and means are smaller: each cell keeps its own.
         n, m = len(self.rows), len(self.cols)
-        pairs = np.nan_to_num(self.correlation).reshape(n, m, n, m).transpose(0, 2, 1, 3).reshape(n * n, m * m)
+        pairs = np.nan_to_num(self.covariance).reshape(n, m, n, m).transpose(0, 2, 1, 3).reshape(n * n, m * m)
         own = _products(down) @ pairs @ _products(across).T
-        return np.asarray((down.T @ (pull / np.sqrt(np.maximum(own, _LEAST))) @ across).ravel())
+        stated, found = (float((np.abs(weights) * variance).sum()) for variance in (datum.astype(np.float64) ** 2, own))
+        factor = np.sqrt(stated / found) if found > 0 else 1.0
+        return np.asarray(factor * (down.T @ weights @ across).ravel())
 
 
 def _products(shares: np.ndarray) -> np.ndarray:
@@ -74,19 +79,18 @@ def datum_lattice(block: Block, grid: MapGrid) -> DatumLattice | None:
     if not seen:
         return None
     heights = [rays.seen(np.array([[0.0, 0.0, 1.0]])) for rays in found if rays is not None]
-    correlation = _correlation(stored, heights)
+    covariance = _covariance(stored, heights)
     # Where fewer than two photographs see the ground, the nearest place that they see stands for it.
     nearest = np.array([np.argmin(np.hypot(*(places[seen] - place)[:, :2].T)) for place in places])
-    return DatumLattice(rows, cols, correlation[np.ix_(nearest, nearest)])
+    return DatumLattice(rows, cols, covariance[np.ix_(nearest, nearest)])
 
 
-def _correlation(stored: StoredCovariance, heights: list[WeighedRays]) -> np.ndarray:
-    """(n, n) of heights as their rays determine them; NaN where it is not stored."""
+def _covariance(stored: StoredCovariance, heights: list[WeighedRays]) -> np.ndarray:
+    """(n, n) m2 of heights as their rays determine them; NaN where it is not stored."""
     covariance = np.full((len(heights), len(heights)), np.nan)
     for i, one in enumerate(heights):
         for j in range(i + 1):
             found = stored.of_points(one, heights[j])
             if found is not None:
                 covariance[i, j] = covariance[j, i] = found[0, 0]
-    sigma = np.sqrt(np.diag(covariance))
-    return np.asarray(covariance / (sigma[:, None] * sigma[None, :]))
+    return covariance

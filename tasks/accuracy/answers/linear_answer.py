@@ -2,7 +2,7 @@
 
     sigma_A^2 = sum_ij c_i c_j s_i s_j rho(d_ij)                       measured cells, rho the correlation of their errors
               + sum over patches ( sum_(i in patch) |c_i| s_i )^2      estimated cells: one error for each connected patch
-              + sum_ij c_i c_j D_i D_j R_ij                            the datum's share, R the correlation over the block
+              + sum_ij c_i c_j C_ij                                    the datum's share, C the covariance over the block
 
 With independent cells a volume is 7 to 60 times too sure; this formula held for 200 random polygons a row
 (benchmarks: `volume_errors`).
@@ -58,8 +58,8 @@ def error_of(weights: np.ndarray, part: SurfacePart, correlation: ErrorCorrelati
     used = weights != 0
     pull = np.where(used & part.measured, weights * np.nan_to_num(part.relative), 0.0)
     guess = np.where(used & ~part.measured, np.abs(weights) * np.nan_to_num(part.relative), 0.0)
-    common = weights * np.where(used, np.nan_to_num(part.datum), 0.0)
-    datum = correlation.datum.sigma(common, part.corner) if correlation.datum else abs(float(common.sum()))
+    own = np.where(used, np.nan_to_num(part.datum), 0.0)
+    datum = correlation.datum.sigma(weights, own, part.corner) if correlation.datum else abs(float((weights * own).sum()))
     return ErrorShares(math.sqrt(_correlated(pull, correlation)), _patches(guess), datum)
 
 
