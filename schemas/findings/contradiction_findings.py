@@ -39,6 +39,16 @@ class OffsetAdjusted(SpokenFinding):
     """what tags say that the heights of the positions refer to"""
     zoom: float | None = None
     """by how many times another camera constant of these photographs would explain it, too; None: it would not"""
+    stated: tuple[float, float, float] | None = None
+    """standard errors that are stated of the positions, m"""
+
+    @property
+    def as_stated(self) -> bool:
+        """Whether the positions are no farther apart than their stated standard errors let two flights be, so that nothing else has
+        to explain the offset."""
+        if self.against == "control" or self.zoom or self.stated is None:
+            return False
+        return all(value is None or abs(value) <= sigma for value, sigma in zip(self.offset, self.stated, strict=True))
 
     @property
     def sentence(self) -> str:
@@ -57,8 +67,14 @@ class OffsetAdjusted(SpokenFinding):
             if self.zoom
             else ""
         )
+        told = f"The {own} of {photographs(self.photos)} lie {size} those of the others in the block"
+        if self.as_stated:
+            return (
+                f"{told}, which is no more than what is stated of them: they were adjusted with an offset of their own, and the "
+                "place of the block stays as uncertain as stated."
+            )
         return (
-            f"The {own} of {photographs(self.photos)} lie {size} those of the others in the block: they were adjusted with an "
+            f"{told}: they were adjusted with an "
             f"offset of their own. Without it the block would be tilted by {self.tilt_deg:.1f} degrees and lie up to "
             f"{self.moved_m:.1f} m elsewhere.{zoomed} Which of them are right the block cannot say{_choice(self)}: compare the "
             "heights of the flights and the focal lengths (zoom, a second camera), or give control."

@@ -84,6 +84,7 @@ BLOCK_VALUES = {
         "moved_m": 9.1,
         "heights": None,
         "zoom": 1.08,
+        "stated": (3.0, 3.0, 5.0),
     },
     "constant_of_its_own": {"photos": ("a", "b"), "camera": "n", "c_px": 1725.0, "others_px": 1150.0, "used": False},
     "scale_contradicted": {"factor": 1.0004, "sigma": 0.00001, "map_factor": 0.9996},

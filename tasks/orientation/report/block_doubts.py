@@ -70,8 +70,10 @@ def block_doubts(facts: Facts) -> Iterator[str]:
 
 
 def _is_minor(finding: BlockFinding) -> bool:
-    """Whether the block found a camera constant that nothing gave, so that there is none that it contradicts; or a bend as small as
-    models of lenses leave."""
+    """Whether the block found a camera constant that nothing gave, so that there is none that it contradicts; a bend as small as
+    models of lenses leave; or an offset of positions that is no larger than their stated standard errors."""
     if isinstance(finding, BlockBent):
         return not finding.grave
+    if isinstance(finding, OffsetAdjusted):
+        return finding.as_stated
     return isinstance(finding, ConstantContradicted) and finding.guessed and not finding.fixed

@@ -226,7 +226,17 @@ def offset_findings(
             moved_m=moved,
             heights=heights,
             zoom=_zoom(before, own_photos),
+            stated=_stated(before, own_photos),
         )
+
+
+def _stated(sources: BlockSources, photos: np.ndarray) -> tuple[float, float, float] | None:
+    """The stated standard errors of the positions of `photos` (P,) bool, m."""
+    sigma = sources.told.position_sigma[photos & sources.told.positioned]
+    if not len(sigma):
+        return None
+    x, y, z = map(float, np.median(sigma, axis=0))
+    return x, y, z
 
 
 def _zoom(sources: BlockSources, photos: np.ndarray) -> float | None:

@@ -2,6 +2,8 @@
 
 from types import SimpleNamespace
 
+import pytest
+
 from orthomill.schemas.findings.camera_findings import ConstantContradicted
 from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted
 from orthomill.schemas.findings.datum_findings import AxesExchanged, BlockBent, NoDatum
@@ -28,6 +30,17 @@ def test_a_guessed_constant_that_the_block_found_is_no_doubt():
     ):
         facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(finding,)))
         assert len(list(block_doubts(facts))) == count
+
+
+@pytest.mark.parametrize(
+    ("change", "doubts"),
+    [({}, 0), ({"offset": (None, None, 15.1)}, 1), ({"zoom": 1.1}, 1), ({"against": "control"}, 1), ({"stated": None}, 1)],
+)
+def test_an_offset_as_large_as_stated_puts_nothing_in_doubt(change, doubts):
+    known = {"photos": ("a", "b"), "against": "others", "offset": (0.2, 1.16, None), "sigma": (0.1, 0.1, None)}
+    found = OffsetAdjusted(**(known | {"tilt_deg": 0.1, "moved_m": 0.4, "stated": (3.0, 3.0, 5.0)} | change))
+    facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(found,)))
+    assert len(list(block_doubts(facts))) == doubts
 
 
 def test_a_camera_constant_that_no_tag_tells_comes_before_the_bend_that_is_left():

@@ -139,6 +139,18 @@ SPOKEN = [
     ),
     (
         f.OffsetAdjusted(
+            photos=("a", "b"),
+            against="others",
+            offset=(0.3, 1.16, 0.1),
+            sigma=(0.1,) * 3,
+            tilt_deg=0.1,
+            moved_m=0.3,
+            stated=(3.0, 3.0, 5.0),
+        ),
+        ["+1.16 m in Y (standard error 0.1", "no more than what is stated of them", "stays as uncertain as stated."],
+    ),
+    (
+        f.OffsetAdjusted(
             photos=("a", "b", "c"),
             against="control",
             offset=(None, None, 47.23),
