@@ -10,8 +10,8 @@ from small_site import start_command
 
 WORKFLOWS = Path(__file__).parents[3] / "workflows"
 PROJECT = "volos_small"
-QUARTER = {"frame_mm": 28.75, "c_mm": 19.17, "base_m": 72.5, "buildings": 10, "control": 4, "check": 2}
-"""settings of the simulation that halve the sides of everything"""
+QUARTER = {"frame_mm": 28.75, "c_mm": 19.17, "base_m": 72.5, "buildings": 10, "board_photos": 5, "control": 4, "check": 2}
+"""settings of the simulation that halve the sides of everything, and photographs of chessboards that are just enough"""
 
 
 @dataclass(frozen=True)
