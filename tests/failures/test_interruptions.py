@@ -27,9 +27,9 @@ def undisturbed():
     return {name: held for name, held in results_of(finished_site()[0]).items() if "orientation" not in name.split("/")}
 
 
-def started(site: Path, jobs: int = 3):
-    """A run on two workers that has done some jobs already and has many still to do."""
-    process = start_command(site, "run", "site", "--workers", "2")
+def started(site: Path, workers: int, jobs: int = 3):
+    """A run that has done some jobs already and has many still to do."""
+    process = start_command(site, "run", "site", "--workers", str(workers))
     deadline = time.monotonic() + 120
     while jobs_done(site) < jobs and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -56,14 +56,14 @@ def assert_stopped_in_one_sentence(process) -> None:
 
 
 def test_a_stopped_run_says_so_in_one_sentence(site):
-    process = started(site)
+    process = started(site, 1)
     process.terminate()
     assert_stopped_in_one_sentence(process)
     assert jobs_done(site)
 
 
 def test_a_run_stopped_by_ctrl_c_goes_on(site, undisturbed):
-    process = started(site)
+    process = started(site, 2)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends Ctrl-C to all processes, not only to the first
     assert_stopped_in_one_sentence(process)
     assert "not running" in command("status", "site")
@@ -82,7 +82,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_sentence(site):
 
 
 def test_a_killed_run_leaves_no_process_and_goes_on(site, undisturbed):
-    process = started(site)
+    process = started(site, 1)
     workers = workers_of(process)
     assert workers
     process.kill()
@@ -94,7 +94,7 @@ def test_a_killed_run_leaves_no_process_and_goes_on(site, undisturbed):
 
 
 def test_a_killed_worker_costs_nothing_but_time(site, undisturbed):
-    process = started(site)
+    process = started(site, 2)
     workers_of(process)[0].kill()
     said, errors = process.communicate(timeout=180)
     assert process.returncode == 0 and " 0 failed" in said, errors
