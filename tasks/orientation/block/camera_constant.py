@@ -34,6 +34,9 @@ the free constant, because systematic image errors move an adjusted constant by 
 ELSEWHERE = NOMINAL_SIGMA["c"]
 """An adjusted constant that the block wants elsewhere by more, in units of it, is that of another zoom or size: even EXIF is
 better. Systematic image errors move free constants by tenths of a percent."""
+OF_ERRORS = 1.5
+"""Factor up to which errors that neighbouring rays share may take a constant, as seen in blocks of real photographs (1.3); wrong
+tags are mostly wrong by more."""
 FARTHEST = 2.0
 """Largest factor, up or down, of a camera constant with which the start is made again: one linearised step from a wrong constant
 overshoots."""
@@ -105,7 +108,8 @@ def _freed(
             freed = adjust(with_free_constants(network, doubtful), state, rays, test)
         except GeometryError:
             return None, doubtful
-        fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed) * _alike(freed)
+        fits, sigma = freed.state.interior[:, 0], _constant_sigmas(freed)
+        sigma = np.where(np.maximum(fits / given, given / fits) < OF_ERRORS, sigma * _alike(freed), sigma)
         wrong = doubtful & (np.abs(fits - given) > np.maximum(MOVED * sigma_given, DETERMINED * sigma))
         if (wrong == doubtful).all():
             return freed, wrong
