@@ -72,8 +72,8 @@ def check_sources(project: Project, kinds: Kinds, catalogue: tuple[type[Stage], 
         source = getattr(project, name).kind
         makers = [kind_of(stage) for stage in catalogue if source in stage.provides]
         if makers and not set(makers) & set(kinds.names):
-            missing = f"is '{source}', but no stage '{makers[0]}', which provides that, is in this workflow"
-            mistakes.add((name,), f"{missing}; add '- kind: {makers[0]}' first.")
+            missing = f"is '{source}', but no stage '{makers[0]}' is in this workflow"
+            mistakes.add((name,), f"{missing}; add '- kind: {makers[0]}', which provides that, first.")
 
 
 def check_crs(crs: str, photographs: PhotoFolder | PhotoList | Any, root: Path, mistakes: Mistakes) -> None:

@@ -132,7 +132,8 @@ def test_what_a_stage_provides_needs_that_stage(root, name, source, maker):
     (root / "marks.csv").write_text("")
     more = ", measurements: marks.csv" if source == "scans" else ""
     text = HEAD + f"{name}: {{kind: {source}{more}}}\nstages: [photos]\n"
-    with pytest.raises(WorkflowError, match=rf"{name}: is '{source}', but no stage '{maker}'.*add '- kind: {maker}' first\.$"):
+    said = rf"{name}: is '{source}', but no stage '{maker}'.*add '- kind: {maker}', which provides that, first\.$"
+    with pytest.raises(WorkflowError, match=said):
         load_workflow(workflow(root, text), catalogue.STAGES)
 
 
