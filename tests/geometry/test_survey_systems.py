@@ -6,6 +6,7 @@ from pyproj import CRS, Transformer
 from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.maps.geoid_grids import with_grids_of_the_system
 from orthomill.tasks.geometry.survey_system import fitting_system, survey_crs, system_name, transform_surveyed, vertical_name
 
 SITE = np.array([[407100.0, 4357010.0, 100.0], [407300.0, 4357400.0, 120.0], [407000.0, 4357100.0, 110.0]])
@@ -64,6 +65,7 @@ def test_heights_stay_where_one_system_alone_defines_them(source, target, stated
 
 @pytest.mark.filterwarnings("ignore:Best transformation")
 def test_a_missing_geoid_is_refused_and_not_guessed():
+    with_grids_of_the_system()  # as the transformation does: packages of some programs bring the grid
     group = TransformerGroup(CRS("EPSG:4979"), CRS("EPSG:32634+5773"), always_xy=True)
     if group.best_available:
         pytest.skip("the grid is installed here")

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pyproj import Transformer
+from pyproj import CRS, Transformer
+from pyproj.transformer import TransformerGroup
 
 from orthomill.schemas.errors import OrthomillError
+from orthomill.schemas.maps.geoid_grids import with_grids_of_the_system
 from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PositionsFromExif, PositionsFromFile
 from orthomill.schemas.survey_files.text_encoding import decoded
@@ -434,6 +436,9 @@ def test_ellipsoidal_heights_become_those_of_the_project_with_its_grid(tmp_path:
 
 @pytest.mark.filterwarnings("ignore:Best transformation")
 def test_without_its_grid_heights_are_refused_with_its_address():
+    with_grids_of_the_system()  # as the transformation does: packages of some programs bring the grid
+    if TransformerGroup(CRS("EPSG:4979"), CRS(UTM + "+5773"), always_xy=True).best_available:
+        pytest.skip("the grid is installed here")
     with pytest.raises(OrthomillError, match=r"us_nga_egm96_15\.tif.*https://cdn\.proj\.org/us_nga_egm96_15\.tif.*proj-data"):
         index_photos(headers(gps=True), UTM + "+5773", PositionsFromExif(kind="exif", crs="EPSG:4979"), LIMITS)
 
