@@ -102,6 +102,5 @@ Project `{project}` on {workers} workers of a Dask cluster; one of them, by lot,
 | rasters, tables and products of the undisturbed run | {len(expected)} |
 | the same in the storm, byte for byte | {same} |
 | others in the storm | {len(set(found) - set(expected))} |
-| time of it over that of the undisturbed run | {after.seconds / before.seconds:.2f} |
 """,
     )
