@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pyproj import CRS
 
+from orthomill.pipeline.storage.photographs.file_kinds import FOREIGN_SUFFIXES, LIST_SUFFIXES
 from orthomill.pipeline.workflow.lists_beside import ListText, choose_control, choose_positions
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.maps.system_names import known_crs
@@ -26,9 +27,6 @@ from orthomill.schemas.survey_files.text_encoding import decoded
 CAMERA_KEYS = {"name", "width", "height", "c"}
 LARGEST = 20_000_000
 """bytes: what is larger is no camera and no list of positions"""
-_SUFFIXES = frozenset({".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json", ".yaml", ".yml", ".cam"})
-_FOREIGN = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
-"""of files that may hold control or positions, which are told what they are"""
 _NAMED, _LONGEST_LIST = 2, 100_000
 """photographs that a text has to name to be told, and lines of the longest such list"""
 _BY_NAME = re.compile(r"gcp|control[ _-]?point|ground[ _-]?control|passpunkt|geotag|geoloc|ppk", re.IGNORECASE)
@@ -99,7 +97,7 @@ def look_beside(folder: Path, root: Path, sizes: set[tuple[int, int]], photograp
 
 def _files(places: list[Path]) -> list[Path]:
     """Files that may hold lists, by place and name; those that nobody can read as one, too."""
-    wanted = _SUFFIXES | _FOREIGN
+    wanted = LIST_SUFFIXES | FOREIGN_SUFFIXES
     return [path for place in places for path in sorted(place.glob("*")) if path.suffix.lower() in wanted and path.is_file()]
 
 
@@ -118,7 +116,7 @@ def _read(files: list[Path], root: Path) -> tuple[list[ListText], list[str]]:
             text = decoded(file.read_bytes(), path)
         except StoreError as error:
             # Logs of receivers (.dat) are binary, and nobody takes them for a list.
-            if file.suffix.lower() in _FOREIGN | {".txt", ".csv", ".tsv"}:
+            if file.suffix.lower() in FOREIGN_SUFFIXES | {".txt", ".csv", ".tsv"}:
                 unused.append(f"Not used: {error}")
             continue
         except OSError:
@@ -126,7 +124,7 @@ def _read(files: list[Path], root: Path) -> tuple[list[ListText], list[str]]:
         kind = text_kind(text)
         if kind:
             unused.append(f"Not used: {path} {kind}.")
-        elif file.suffix.lower() in _SUFFIXES:
+        elif file.suffix.lower() in LIST_SUFFIXES:
             texts.append(ListText(path, file.name, text))
     return texts, unused
 

@@ -31,7 +31,7 @@ from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.ground.draping import HALO, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.ground.extent import TileExtent
-from orthomill.tasks.texture.ground.gentle_ground import calmed
+from orthomill.tasks.texture.ground.gentle_ground import calmed, guessed
 from orthomill.tasks.visibility.height_model import HeightModel, Targets, bridge_holes, visible_targets
 from orthomill.tasks.visibility.lines_of_sight import HeightPlaces
 from orthomill.tasks.visibility.sight import PlaceSight, SurfacePlaces
@@ -138,9 +138,10 @@ def painted_heights(
     as far as the rules say."""
     if ground is None or rules.drape_reach <= 0:
         return heights
-    nothing = np.full(heights.shape, np.nan, np.float32)
-    gentle = calmed(heights, precision, drape(nothing, extent.heights, ground, extent.ground), extent.dsm.cell)
-    painted = drape(gentle, extent.heights, ground, extent.ground)
+    if guessed(precision, extent.dsm.cell).any():
+        nothing = np.full(heights.shape, np.nan, np.float32)
+        heights = calmed(heights, precision, drape(nothing, extent.heights, ground, extent.ground), extent.dsm.cell)
+    painted = drape(heights, extent.heights, ground, extent.ground)
     if isfinite(rules.drape_reach):
         painted = np.where(far_from_heights(heights, rules.drape_reach), np.float32(np.nan), painted)
     if rules.wanted.polygons:

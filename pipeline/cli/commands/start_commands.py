@@ -43,7 +43,8 @@ def init(
 
 def _photographs(name: str, place: str) -> Path:
     """The folder with the photographs; those of an object store are brought into the project first."""
-    from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs, is_address
+    from orthomill.pipeline.storage.depots.bucket import is_address
+    from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs
     from orthomill.pipeline.workflow.starting_workflow import new_workflow
 
     if not is_address(place):

@@ -6,13 +6,12 @@ A name is a name and no path; it is written as it was sent, for control files an
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, HEIF_SUFFIXES, RAW_SUFFIXES
+from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, PHOTOGRAPH_SUFFIXES
 from orthomill.schemas.errors import WorkflowError
 
 LONGEST = 200
 """bytes of a name"""
 LISTS = frozenset({".txt", ".csv", ".pos", ".mrk", ".xml", ".gcp", ".json", ".tsv", ".dat"})
-IMAGES = DEVELOPED_SUFFIXES | HEIF_SUFFIXES | RAW_SUFFIXES
 _RESERVED = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
 
 
@@ -33,7 +32,7 @@ def checked_name(name: str | None) -> str:
 def is_image(name: str) -> bool:
     """Whether a file is taken for a photograph by its name; masks are none."""
     path = Path(name.lower())
-    return path.suffix in IMAGES and not path.stem.endswith("_mask") and path.stem != "align"
+    return path.suffix in PHOTOGRAPH_SUFFIXES and not path.stem.endswith("_mask") and path.stem != "align"
 
 
 def belongs_beside(name: str) -> bool:

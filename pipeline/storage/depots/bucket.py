@@ -244,11 +244,16 @@ def _number(e_tag: str | None) -> int:
     return int.from_bytes(hashlib.sha256(str(e_tag).encode()).digest()[:7]) >> 3
 
 
+def is_address(place: str) -> bool:
+    """Whether a place is one of an object store."""
+    return place.startswith(tuple(f"{scheme}://" for scheme in (*SCHEMES, "memory")))
+
+
 @lru_cache(maxsize=8)
 def bucket_of(address: str) -> Bucket:
     """The depot of an address such as s3://bucket/prefix. Raises WorkflowError, ResourceError."""
     scheme, _, rest = address.partition("://")
-    if scheme not in (*SCHEMES, "memory") or not rest or any(word in rest for word in ("@", "?", "//", "..")):
+    if not is_address(address) or not rest or any(word in rest for word in ("@", "?", "//", "..")):
         raise WorkflowError(
             f"{hidden(address)} is no place for results; give s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or az://CONTAINER/PREFIX, and "
             "keys in the environment."

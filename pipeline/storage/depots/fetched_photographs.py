@@ -10,14 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from orthomill.pipeline.storage.depots.bucket import SCHEMES, Bucket, bucket_of
-from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, HEIF_SUFFIXES, RAW_SUFFIXES
+from orthomill.pipeline.storage.depots.bucket import Bucket, bucket_of
+from orthomill.pipeline.storage.photographs.file_kinds import FOREIGN_SUFFIXES, LIST_SUFFIXES, PHOTOGRAPH_SUFFIXES
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
 from orthomill.schemas.memory import GIB
 
-BESIDE = frozenset({".txt", ".csv", ".tsv", ".pos", ".mrk", ".xml", ".gcp", ".json", ".geojson", ".gpkg", ".dat", ".cam"})
-"""suffixes of what may hold control, positions, a camera or an area"""
-_WANTED = DEVELOPED_SUFFIXES | HEIF_SUFFIXES | RAW_SUFFIXES | BESIDE
+_WANTED = PHOTOGRAPH_SUFFIXES | LIST_SUFFIXES | FOREIGN_SUFFIXES
 _AT_ONCE = 8
 """objects that are fetched at the same time"""
 
@@ -36,11 +34,6 @@ class _Object(NamedTuple):
     changed: float
 
 
-def is_address(place: str) -> bool:
-    """Whether a place is one of an object store."""
-    return place.partition("://")[0] in (*SCHEMES, "memory") and "://" in place
-
-
 def fetched_photographs(address: str, folder: Path, say: Callable[[str], None] = lambda line: None) -> Fetched:
     """Bring the photographs below an address, such as s3://bucket/flight, and what lies beside them, into a folder, in the folders
     that they are in. Raises WorkflowError, ResourceError, StoreError."""
@@ -56,10 +49,8 @@ def fetched_photographs(address: str, folder: Path, say: Callable[[str], None] =
             for number, _ in enumerate(pool.map(lambda found: _fetch(bucket, found, folder), missing), 1):
                 if number % 100 == 0:
                     say(f"{number} of {len(missing)} files fetched from {address}")
-    except OSError as error:
-        if isinstance(error, FileNotFoundError):
-            raise StoreError(f"An object of {address} was removed while it was fetched; run again.") from error
-        raise
+    except FileNotFoundError as error:
+        raise StoreError(f"An object of {address} was removed while it was fetched; run again.") from error
     return Fetched(len(wanted), len(missing), len(objects) - len(wanted))
 
 

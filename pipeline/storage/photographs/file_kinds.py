@@ -12,6 +12,13 @@ from pathlib import Path, PurePath
 DEVELOPED_SUFFIXES = frozenset({".jpg", ".jpeg", ".tif", ".tiff", ".png"})
 HEIF_SUFFIXES = frozenset({".heic", ".heif"})
 RAW_SUFFIXES = frozenset({".dng", ".arw", ".cr2", ".cr3", ".nef", ".nrw", ".orf", ".raf", ".rw2", ".pef", ".srw", ".iiq", ".3fr"})
+PHOTOGRAPH_SUFFIXES = DEVELOPED_SUFFIXES | HEIF_SUFFIXES | RAW_SUFFIXES
+LIST_SUFFIXES = frozenset(
+    {".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json", ".yaml", ".yml", ".cam"}
+)
+"""of what may hold control, positions or a camera beside photographs"""
+FOREIGN_SUFFIXES = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
+"""of files that may hold control or positions, and are not read: people are told what they are"""
 _VIDEO = frozenset({".mp4", ".mov", ".avi", ".mts", ".m2ts", ".mkv", ".insv", ".360"})
 _PREVIEW = frozenset({".thm", ".lrf", ".lrv", ".scr"})
 _IMAGE = frozenset(

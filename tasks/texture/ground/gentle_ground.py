@@ -54,7 +54,11 @@ def gentle_ground(values: np.ndarray, weights: np.ndarray, block: float) -> np.n
 
 
 def calmed(heights: np.ndarray, precision: np.ndarray, ground: np.ndarray, cell: float) -> np.ndarray:
-    """The heights (rows, cols) float32 m, those of guesses on the `ground` (rows, cols) m: by their standard errors (rows, cols) m,
-    in units of the `cell` (m)."""
-    share = np.clip((np.nan_to_num(precision, nan=0.0) / cell - SURE) / (GUESSED - SURE), 0.0, 1.0)
-    return (heights + share * (ground - heights)).astype(np.float32)
+    """The heights (rows, cols) float32 m, those of guesses on the `ground` (rows, cols) m: by their standard errors `precision`
+    (rows, cols) m, in units of the `cell` (m)."""
+    return (heights + guessed(precision, cell) * (ground - heights)).astype(np.float32)
+
+
+def guessed(precision: np.ndarray, cell: float) -> np.ndarray:
+    """(rows, cols): the share of the gentle ground in heights, 0 of what is sure to 1 of guesses; `precision` and `cell` in m."""
+    return np.asarray(np.clip((np.nan_to_num(precision, nan=0.0) / cell - SURE) / (GUESSED - SURE), 0.0, 1.0))

@@ -14,8 +14,9 @@ pytest.importorskip("obstore")
 
 from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.storage.depots import fetched_photographs as fetching
-from orthomill.pipeline.storage.depots.bucket import bucket_of
-from orthomill.pipeline.storage.depots.fetched_photographs import Fetched, fetched_photographs, is_address
+from orthomill.pipeline.storage.depots.bucket import bucket_of, is_address
+from orthomill.pipeline.storage.depots.fetched_photographs import Fetched, fetched_photographs
+from orthomill.pipeline.storage.photographs.file_kinds import FOREIGN_SUFFIXES, LIST_SUFFIXES
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
 FILES = {"a.JPG": b"one", "card/DJI_0002.jpg": b"two", "gcp_list.txt": b"EPSG:32615\n", "film.mp4": b"long", ".hidden.jpg": b"x"}
@@ -76,3 +77,10 @@ def test_init_fetches_photographs_and_names_what_is_wrong_before(flight, tmp_pat
 def test_what_is_an_address():
     assert is_address("s3://bucket/flight") and is_address("gs://b") and is_address("az://c/d")
     assert not is_address("flight") and not is_address("/mnt/s3:/flight") and not is_address("http://there/flight")
+
+
+def test_whatever_is_looked_for_beside_photographs_is_fetched(tmp_path):
+    bucket, wanted = bucket_of("memory://beside"), sorted(LIST_SUFFIXES | FOREIGN_SUFFIXES)
+    for suffix in wanted:
+        bucket.put(f"points{suffix}", b"1")
+    assert fetched_photographs(bucket.address, tmp_path / "site") == Fetched(files=len(wanted), new=len(wanted), left=0)
