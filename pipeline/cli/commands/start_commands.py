@@ -51,9 +51,11 @@ def _photographs(name: str, place: str) -> Path:
         return Path(place)
     new_workflow(name, Path.cwd())
     folder = Path("photographs") / name
-    found = fetched_photographs(place, folder, err.print)
+    found = fetched_photographs(place, folder, say=err.print)
     left = f"; {found.left} objects of other kinds were left there" if found.left else ""
-    out.print(f"{found.files} files of {place} lie in {folder} now, {found.new} of them new{left}.", soft_wrap=True, markup=False)
+    out.print(
+        f"{len(found.files)} files of {place} lie in {folder} now, {found.new} of them new{left}.", soft_wrap=True, markup=False
+    )
     return folder
 
 

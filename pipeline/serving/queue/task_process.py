@@ -17,13 +17,14 @@ from pydantic import BaseModel
 
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.serving.outputs.delivery_archive import write_delivery
-from orthomill.pipeline.serving.queue.object_places import fetch_photographs
+from orthomill.pipeline.serving.queue.object_places import task_rules
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits, unpacked
 from orthomill.pipeline.serving.queue.task_folder import PROJECT, TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskEnd, TaskState
 from orthomill.pipeline.serving.queue.told_run import ToldRun
-from orthomill.pipeline.serving.queue.upload_names import is_archive
+from orthomill.pipeline.serving.queue.upload_names import is_archive, is_image
 from orthomill.pipeline.serving.queue.wishes import Wishes, write_wished_workflow
+from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 from orthomill.schemas.memory import GIB
 
@@ -80,8 +81,9 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     folder.say(*([f"Continued after an interruption (attempt {state.attempts})."] if state.attempts > 1 else wishes.notes))
     limits = ArchiveLimits(order.most_files, order.most_file_bytes, order.most_bytes, reserve=order.reserve)
     if state.read_from:
-        count, left_out = fetch_photographs(state.read_from, folder.images, limits)
-        folder.say(f"{state.read_from}: {count} photographs, {left_out} other objects left out.")
+        found = fetched_photographs(state.read_from, folder.images, task_rules(state.read_from, limits))
+        count = sum(map(is_image, found.files))
+        folder.say(f"{state.read_from}: {count} photographs, {found.left} other objects left out.")
         folder.tell_progress(folder.progress().model_copy(update={"images": count}))
     _unpack(folder, limits)
     start, workflow = (folder.path / "workflows" / f"{name}.yaml" for name in ("start", PROJECT))

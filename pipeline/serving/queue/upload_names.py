@@ -6,12 +6,16 @@ A name is a name and no path; it is written as it was sent, for control files an
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from orthomill.pipeline.storage.photographs.file_kinds import DEVELOPED_SUFFIXES, PHOTOGRAPH_SUFFIXES
+from orthomill.pipeline.storage.photographs.file_kinds import (
+    DEVELOPED_SUFFIXES,
+    FOREIGN_SUFFIXES,
+    LIST_SUFFIXES,
+    PHOTOGRAPH_SUFFIXES,
+)
 from orthomill.schemas.errors import WorkflowError
 
 LONGEST = 200
 """bytes of a name"""
-LISTS = frozenset({".txt", ".csv", ".pos", ".mrk", ".xml", ".gcp", ".json", ".tsv", ".dat"})
 _RESERVED = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
 
 
@@ -36,10 +40,11 @@ def is_image(name: str) -> bool:
 
 
 def belongs_beside(name: str) -> bool:
-    """Whether a file belongs beside photographs: a mask, or what may hold control, positions or a camera."""
+    """Whether a file belongs beside photographs: a mask, or what may hold control, positions or a camera. `init` tells which of
+    it is not read."""
     path = Path(name.lower())
     mask = path.suffix in DEVELOPED_SUFFIXES and path.stem.endswith("_mask")
-    return mask or (path.suffix in LISTS and path.name != "image_groups.txt")
+    return mask or (path.suffix in LIST_SUFFIXES | FOREIGN_SUFFIXES and path.name != "image_groups.txt")
 
 
 def is_archive(name: str) -> bool:

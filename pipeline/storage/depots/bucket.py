@@ -153,8 +153,14 @@ class Bucket:
 
     def objects(self) -> Iterator[tuple[str, int, float]]:
         """All objects: name, bytes, and when they changed, in seconds since 1970. Raises StoreError."""
-        for entry in self._listed(""):
-            yield str(entry["path"]), int(entry["size"]), entry["last_modified"].timestamp()
+        yield from map(_told, self._listed(""))
+
+    def object(self, name: str) -> tuple[str, int, float]:
+        """One object, as in `objects`. Raises FileNotFoundError, StoreError."""
+        import obstore
+
+        with self._explained():
+            return _told(obstore.head(self.store, name))
 
     def _listed(self, folder: str) -> Iterator[Any]:
         import obstore
@@ -239,6 +245,10 @@ def _state(entry: Any) -> FileState:
     return FileState(int(entry["size"]), _number(entry["e_tag"]), str(entry["e_tag"]))
 
 
+def _told(entry: Any) -> tuple[str, int, float]:
+    return str(entry["path"]), int(entry["size"]), entry["last_modified"].timestamp()
+
+
 def _number(e_tag: str | None) -> int:
     """What a store calls a version, as a number of 53 bits: JSON of any program keeps it."""
     return int.from_bytes(hashlib.sha256(str(e_tag).encode()).digest()[:7]) >> 3
@@ -261,10 +271,30 @@ def bucket_of(address: str) -> Bucket:
     try:
         from obstore.store import MemoryStore, from_url
     except ImportError:
-        raise ResourceError("Object stores need a library: pip install 'orthomill[store]'.") from None
+        raise _no_library() from None
     if scheme == "memory":  # of this process alone, for tests
         return Bucket(address, MemoryStore())
     try:
         return Bucket(address, from_url(address, retry_config=_RETRY, **options_of(scheme)))
     except Exception as error:
         raise WorkflowError(f"{address} cannot be opened ({hidden(str(error))}); check its form and the environment.") from None
+
+
+def exchange_at(address: str) -> Bucket:
+    """Where files are fetched from and sent to: an object store, or a folder that machines share (file:///mnt/flights). Raises
+    WorkflowError, ResourceError."""
+    if not address.startswith("file:///"):
+        return bucket_of(address)
+    try:
+        from obstore.store import from_url
+    except ImportError:
+        raise _no_library() from None
+    try:
+        # Buckets have no folders that would have to exist.
+        return Bucket(address, from_url(address, mkdir=True))
+    except Exception as error:
+        raise WorkflowError(f"{address} cannot be opened ({hidden(str(error))}); check that the folder is there.") from None
+
+
+def _no_library() -> ResourceError:
+    return ResourceError("Object stores need a library: pip install 'orthomill[store]'.")

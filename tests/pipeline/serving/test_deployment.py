@@ -84,3 +84,49 @@ def test_the_fast_tests_run_on_three_systems():
 @pytest.mark.skipif(shutil.which("hadolint") is None, reason="no hadolint here")
 def test_the_linter_of_images_has_nothing_to_say():
     subprocess.run(["hadolint", str(DEPLOY / "Dockerfile")], check=True)
+
+
+CHARTS = {
+    "a token": {"token": "x: {y"},
+    "a cluster": {
+        "existingSecret": "own",
+        "cluster": {"enabled": True, "workers": 3},
+        "objectStore": {"prefixes": ["s3://a/b", "gs://c"], "existingSecret": "keys"},
+        "storage": {"className": "nfs"},
+    },
+    "an ingress": {"token": "x", "ingress": {"enabled": True, "className": "nginx", "tlsSecret": "tls"}},
+}
+
+
+@pytest.mark.parametrize("case", CHARTS)
+def test_helm_fills_the_chart_with_what_kubernetes_takes(case):
+    charts = pytest.importorskip("helm_python.chart", reason="no Helm here (pip install helm-python-sdk)")
+    judge = pytest.importorskip("kubernetes_validate", reason="no schemas here (pip install kubernetes-validate)")
+    root = DEPLOY / "helm/orthomill"
+    assert not [one for one in charts.lint(root, values=CHARTS[case])["messages"] if one["severity"] > 1]
+    with charts.Chart.load(root) as chart:
+        files = chart.render(values=CHARTS[case], name="demo")
+    found = {f"{one['kind']}/{one['metadata']['name']}": one for text in files.values() for one in yaml.safe_load_all(text) if one}
+    for one in found.values():
+        judge.validate(one, "1.31", strict=True)
+    wanted = {
+        "a token": {"Secret/demo-token"},
+        "a cluster": {
+            "Service/demo-scheduler",
+            "NetworkPolicy/demo-cluster",
+            "Deployment/demo-scheduler",
+            "Deployment/demo-worker",
+        },
+        "an ingress": {"Secret/demo-token", "Ingress/demo"},
+    }
+    assert set(found) == {"Service/demo", "StatefulSet/demo"} | wanted[case]
+    words = found["StatefulSet/demo"]["spec"]["template"]["spec"]["containers"][0]["args"]
+    assert ("--scheduler=tcp://demo-scheduler:8786" in words) == (case == "a cluster")
+    assert case != "a cluster" or words[-2:] == ["--s3=s3://a/b", "--s3=gs://c"]
+    assert case != "a token" or found["Secret/demo-token"]["stringData"]["token"] == "x: {y"
+
+
+def test_helm_starts_no_node_without_a_token():
+    charts = pytest.importorskip("helm_python.chart", reason="no Helm here (pip install helm-python-sdk)")
+    with charts.Chart.load(DEPLOY / "helm/orthomill") as chart, pytest.raises(Exception, match="a node without one is not started"):
+        chart.render(values={}, name="demo")

@@ -5,8 +5,11 @@ import requests
 
 from benchmarks.serving.running_node import TOKEN, node, photographs
 from orthomill.pipeline.serving.outputs.asset_files import Asset
-from orthomill.pipeline.serving.queue.object_places import allowed_address, fetch_photographs, send_results
+from orthomill.pipeline.serving.queue.object_places import allowed_address, send_results, task_rules
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits
+from orthomill.pipeline.serving.queue.upload_names import belongs_beside
+from orthomill.pipeline.storage.depots.fetched_photographs import FetchRules, fetched_photographs
+from orthomill.pipeline.storage.photographs.file_kinds import FOREIGN_SUFFIXES, LIST_SUFFIXES
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
 PREFIXES = ("s3://bucket/site", "gs://other/")
@@ -46,26 +49,43 @@ def bucket(tmp_path):
     return folder
 
 
-def test_photographs_and_lists_are_fetched_once(bucket, tmp_path):
+def fetched(address: str, target):
+    return fetched_photographs(address, target, task_rules(address, LIMITS))
+
+
+def test_photographs_and_lists_are_fetched_once_and_side_by_side(bucket, tmp_path):
     target = tmp_path / "images"
     target.mkdir()
-    assert fetch_photographs(bucket.as_uri(), target, LIMITS) == (2, 1)
+    assert fetched(bucket.as_uri(), target) == (("a.jpg", "101MEDIA_a.jpg", "gcp_list.txt"), 3, 1)
     assert {path.name: path.stat().st_size for path in target.iterdir()} == {"a.jpg": 10, "101MEDIA_a.jpg": 20, "gcp_list.txt": 5}
-    times = {path: path.stat().st_mtime_ns for path in target.iterdir()}
-    fetch_photographs(bucket.as_uri(), target, LIMITS)
-    assert {path: path.stat().st_mtime_ns for path in target.iterdir()} == times
+    assert fetched(bucket.as_uri(), target).new == 0
+    (bucket / "flight.zip").write_bytes(b"x" * 7)
+    assert fetched(f"{bucket.as_uri()}/flight.zip", target) == (("flight.zip",), 1, 0)
 
 
 def test_what_is_too_much_is_a_sentence(bucket, tmp_path):
     (bucket / "big.tif").write_bytes(b"x" * 2001)
-    with pytest.raises(WorkflowError, match=r"big\.tif has"):
-        fetch_photographs(bucket.as_uri(), tmp_path, LIMITS)
+    with pytest.raises(WorkflowError, match=r"big\.tif has 0 MiB; one file may have"):
+        fetched(bucket.as_uri(), tmp_path)
+    (bucket / "big.tif").write_bytes(b"x" * 1990)
+    (bucket / "notes.pdf").rename(bucket / "second.tif")
+    (bucket / "second.tif").write_bytes(b"x" * 1990)
+    with pytest.raises(WorkflowError, match="are taken at most"):
+        fetched(bucket.as_uri(), tmp_path)
     for number in range(4):
         (bucket / f"{number}.jpg").touch()
-    with pytest.raises(WorkflowError, match="holds 9 objects"):
-        fetch_photographs(bucket.as_uri(), tmp_path, LIMITS)
-    with pytest.raises(ResourceError, match="cannot be read or written"):
-        fetch_photographs((bucket / "absent").as_uri() + "/x.zip", tmp_path, LIMITS)
+    with pytest.raises(WorkflowError, match="holds more than 5 objects"):
+        fetched(bucket.as_uri(), tmp_path)
+    with pytest.raises(WorkflowError, match=r"x\.zip does not exist"):
+        fetched((bucket / "absent").as_uri() + "/x.zip", tmp_path)
+    full = FetchRules(reserve=2**60)
+    with pytest.raises(ResourceError, match="stay free; make room"):
+        fetched_photographs((bucket / "100MEDIA").as_uri(), tmp_path / "images", full)
+
+
+def test_whatever_init_looks_for_beside_photographs_stays_beside_them():
+    assert all(belongs_beside(f"points{suffix}") for suffix in LIST_SUFFIXES | FOREIGN_SUFFIXES)
+    assert not belongs_beside("image_groups.txt") and not belongs_beside("notes.pdf")
 
 
 def test_results_are_sent_to_their_places(bucket, tmp_path):

@@ -20,6 +20,7 @@ from orthomill.pipeline.storage.photographs.file_kinds import FOREIGN_SUFFIXES, 
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
 FILES = {"a.JPG": b"one", "card/DJI_0002.jpg": b"two", "gcp_list.txt": b"EPSG:32615\n", "film.mp4": b"long", ".hidden.jpg": b"x"}
+WANTED = ("a.JPG", "card/DJI_0002.jpg", "gcp_list.txt")
 
 
 @pytest.fixture
@@ -31,9 +32,9 @@ def flight(request):
 
 
 def test_photographs_and_lists_come_in_their_folders_and_only_what_changed_comes_again(flight, tmp_path):
-    assert fetched_photographs(flight.address, tmp_path / "site") == Fetched(files=3, new=3, left=2)
+    assert fetched_photographs(flight.address, tmp_path / "site") == Fetched(tuple(sorted(WANTED)), new=3, left=2)
     found = {path.relative_to(tmp_path / "site").as_posix(): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    assert found == {name: FILES[name] for name in ("a.JPG", "card/DJI_0002.jpg", "gcp_list.txt")}
+    assert found == {name: FILES[name] for name in WANTED}
     assert fetched_photographs(flight.address + "/", tmp_path / "site").new == 0
     # Of the same length, but later.
     os.utime(tmp_path / "site" / "a.JPG", (0, 0))
@@ -83,4 +84,5 @@ def test_whatever_is_looked_for_beside_photographs_is_fetched(tmp_path):
     bucket, wanted = bucket_of("memory://beside"), sorted(LIST_SUFFIXES | FOREIGN_SUFFIXES)
     for suffix in wanted:
         bucket.put(f"points{suffix}", b"1")
-    assert fetched_photographs(bucket.address, tmp_path / "site") == Fetched(files=len(wanted), new=len(wanted), left=0)
+    files = tuple(f"points{suffix}" for suffix in wanted)
+    assert fetched_photographs(bucket.address, tmp_path / "site") == Fetched(files, new=len(wanted), left=0)
