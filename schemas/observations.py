@@ -69,6 +69,8 @@ class ControlPoint(BaseModel):
     # A standard error for each photograph, because a target seen obliquely is measured less precisely than one seen from above.
     measurements: dict[str, tuple[float, float, float]]
     """photo -> (col, row, sigma), px"""
+    line: int | None = None
+    """the first that gives its coordinates in the file; None: no line does"""
 
 
 class Distance(BaseModel):

@@ -231,6 +231,9 @@ class HeightsUnknown(_OfControl):
     """what stands in their place, where a program has written numbers for no height"""
     alone: bool = False
     """whether no other point has a height, nor any photograph a position"""
+    lines: tuple[int, ...] = ()
+    """of the points in the file `path`; empty: they come from no lines"""
+    path: str = ""
 
     @property
     def sentence(self) -> str:
@@ -245,7 +248,9 @@ class HeightsUnknown(_OfControl):
             )
         lost = f" {some_of(self.left_out)}, as check points, were left out." if self.left_out else ""
         real = " A height that is real is taken with its decimals, as 9999.01." if self.numbers else ""
-        return f"Surveyed points that {why} are used in plan only: {some_of(self.points)}.{lost}{real}"
+        named = [f"{name} (line {line})" for name, line in zip(self.points, self.lines, strict=False)] or self.points
+        where = f" of {self.path}" if self.path else ""
+        return f"Surveyed points that {why} are used in plan only: {some_of(named)}{where}.{lost}{real}"
 
     @property
     def grave(self) -> bool:

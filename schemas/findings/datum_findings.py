@@ -122,6 +122,10 @@ class DatumMisfit(SpokenFinding):
         )
 
 
+_STRAIGHTER = 0.5
+"""Where a block bends by less than this share without its control, the control bends it"""
+
+
 class BlockBent(SpokenFinding):
     """Heights bend over the block against its positions, or its photographs diverge from their attitudes."""
 
@@ -144,6 +148,13 @@ class BlockBent(SpokenFinding):
     """false: in the units of a block without a datum"""
     open_m: float | None = None
     """standard error of the bend by the photographs, where it is within three of these"""
+    without_control_m: float | None = None
+    """size of the bend of the same photographs without their control; None: there is none, or it was not tried"""
+
+    @property
+    def by_control(self) -> bool:
+        """Whether it is the control that bends the block."""
+        return self.without_control_m is not None and self.without_control_m < _STRAIGHTER * abs(self.bend_m)
 
     @property
     def sentence(self) -> str:
@@ -161,6 +172,12 @@ class BlockBent(SpokenFinding):
         what = f"The block bends by {size} {', and '.join(how)}"
         if not self.grave:
             return f"{what}: about what a model of the lens leaves."
+        if self.by_control:
+            return (
+                f"{what}: the control bends it, for without the control the same photographs bend by "
+                f"{two_digits(self.without_control_m or 0.0)} m only. Compare coordinates and heights of the control, their unit, "
+                "their standard errors and their marks; or go on without it (control: {kind: none})."
+            )
         cause = (
             "not the receiver but the camera is wrong"
             if self.sure

@@ -107,11 +107,11 @@ class OrientationStage(Stage):
         return source if source.kind != "adjusted" and source.use == "fixed" else None
 
     def remarks(self, view: ProjectView) -> Iterator[str]:
-        """What is noticed about the control."""
+        """What is noticed about the control, the gravest first, and what was read."""
         control = view.table(CONTROL)
+        yield from (finding.sentence for finding in sorted(control.findings, key=lambda finding: not finding.grave))
         if control.read:
             yield control.read.sentence
-        yield from (finding.sentence for finding in control.findings)
 
     def outlines(self, view: ProjectView) -> Iterator[tuple[str, Outline]]:
         """Where the corners of every photograph lie at the mean height of the ground."""

@@ -292,7 +292,8 @@ def _points(surveyed: Rows, stated: StatedControl, mistakes: list[str]) -> dict[
             x, y, z, *sigma = values
             scale = 0.001 if stated.unit == "mm" else 1.0
             found = (sigma[0] * scale, sigma[1] * scale, sigma[2] * scale)
-            known[row["name"]] = ControlPoint(name=row["name"], role=row["role"], xyz=(x, y, z), sigma=found, measurements={})
+            point = ControlPoint(name=row["name"], role=row["role"], xyz=(x, y, z), sigma=found, measurements={}, line=line)
+            known[row["name"]] = point
     mistakes += [
         f"The check point {name} is not in the control points file; its points are {', '.join(list(known)[:8])}."
         for name in stated.check

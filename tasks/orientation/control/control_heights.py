@@ -6,7 +6,7 @@ A point without a height holds the block in plan only: its height gets a standar
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,10 +43,14 @@ def without_stand_ins(points: tuple[ControlPoint, ...]) -> tuple[tuple[ControlPo
 
 
 def with_free_heights(
-    points: tuple[ControlPoint, ...], photos: Photos, crs: str, stand_ins: Mapping[str, float] = MappingProxyType({})
+    points: tuple[ControlPoint, ...],
+    photos: Photos,
+    crs: str,
+    stand_ins: Mapping[str, float] = MappingProxyType({}),
+    path: str = "",
 ) -> tuple[tuple[ControlPoint, ...], tuple[ControlFinding, ...]]:
     """Surveyed points whose heights are unknown, with a standard error that says so, and what was found; `stand_ins` as in
-    `without_stand_ins`."""
+    `without_stand_ins`, `path`: the file of the points."""
     surveyed = [point for point in points if point.role != "tie"]
     missing = {point.name for point in surveyed if math.isnan(point.xyz[2])}
     known = [point for point in surveyed if point.name not in missing]
@@ -59,12 +63,12 @@ def with_free_heights(
         found.append(HeightsAllZero(points=len(zero), freed=bool(placed)))
         missing |= zero if placed else set()
     elif zero and crs != ANY_CRS and _all_high([point.xyz[2] for point in known if point.name not in zero]):
-        found.append(HeightsUnknown(points=tuple(sorted(zero)), zero=True, left_out=_checks(known, zero)))
+        found.append(HeightsUnknown(**_named(known, zero, path), zero=True, left_out=_checks(known, zero)))
         missing |= zero
     if nan := {point.name for point in surveyed if math.isnan(point.xyz[2])}:
         numbers = tuple(sorted({value for name, value in stand_ins.items() if name in nan}))
-        names = tuple(point.name for point in surveyed if point.name in nan)
-        found.append(HeightsUnknown(points=names, left_out=_checks(surveyed, nan), numbers=numbers, alone=not known and not placed))
+        alone, lost = not known and not placed, _checks(surveyed, nan)
+        found.append(HeightsUnknown(**_named(surveyed, nan, path), left_out=lost, numbers=numbers, alone=alone))
     if missing and not known and not placed:
         # Nothing else holds the block in height: the points keep a common one.
         return tuple(_at_zero(point) if point.name in missing else point for point in points), tuple(found)
@@ -79,6 +83,14 @@ def with_free_heights(
 
 def _all_high(heights: list[float]) -> bool:
     return len(heights) >= 2 and (min(heights) > _HIGH or max(heights) < -_HIGH)
+
+
+def _named(points: list[ControlPoint], names: set[str], path: str) -> dict[str, Any]:
+    """The points of these names for a finding, in their order, with their lines in the file where they have any."""
+    told = [point for point in points if point.name in names]
+    lines = tuple(point.line for point in told if point.line is not None)
+    place = {"lines": lines, "path": path} if path and len(lines) == len(told) else {}
+    return {"points": tuple(point.name for point in told), **place}
 
 
 def _checks(points: list[ControlPoint], names: set[str]) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def control_from_files(
         photos, lambda frame: read_control(frame, points, measurements, distances, absent, stated), lambda control: control
     )
     named = own or (found.read.crs if found.read else "") or None
-    return _in_project(_with(found, of_originals), photos, named, crs)
+    return _in_project(_with(found, of_originals), photos, named, crs, source.points if source else "")
 
 
 def points_from_file(photos: Photos, text: str, own: str | None, crs: str) -> Control:
@@ -113,7 +113,7 @@ def control_from_list(photos: Photos, text: str, source: ControlFromGcpList, crs
     found, photos, of_originals = read_in_frame(photos, lambda frame: read_gcp_list(frame, text, source), lambda read: read.control)
     # Refuses an unknown system even where the list holds no surveyed point that would need it.
     survey_crs(found.crs)
-    return _in_project(_with(found.control, of_originals), photos, found.crs, crs)
+    return _in_project(_with(found.control, of_originals), photos, found.crs, crs, source.path)
 
 
 def control_from_targets(
@@ -144,9 +144,9 @@ class _PlacedControl:
     findings: tuple[ControlFinding, ...] = ()
 
 
-def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> Control:
+def _in_project(control: Control, photos: Photos, own: str | None, crs: str, path: str = "") -> Control:
     """Coordinates in the project's system, measurements in pixels of the photographs, distances on its map. Points on another site
-    become tie points if a distance needs them: lengths are right whatever the system."""
+    become tie points if a distance needs them: lengths are right whatever the system. `path`: of the file, for sentences."""
     control, about_rounding = with_rounded_errors(control, own or crs, crs)
     given, stand_ins = without_stand_ins(control.points)
     control = control.model_copy(update={"points": given})
@@ -164,7 +164,7 @@ def _in_project(control: Control, photos: Photos, own: str | None, crs: str) -> 
         for point in control.points
         if point.role == "tie" or point.name in placed.xyz or point.name in ends
     )
-    points, about_heights = with_free_heights(points, photos, crs, stand_ins)
+    points, about_heights = with_free_heights(points, photos, crs, stand_ins, path)
     read = control.read and control.read.model_copy(update={"crs": placed.crs})
     return Control(
         points=points,

@@ -213,7 +213,7 @@ def _add(
     """Adds a measurement to the points; what is wrong with it, as the end of a sentence."""
     # Programs that count from the corner of a pixel have its centre at (0.5, 0.5).
     col, row = (one.col - 0.5, one.row - 0.5) if source.origin == "corner" else (one.col, one.row)
-    point = known.setdefault(name, _new_point(name, one.xyz, source))
+    point = known.setdefault(name, _new_point(name, one, source))
     if not _same(point.xyz, one.xyz):
         x, y, z = one.xyz
         return (
@@ -235,7 +235,8 @@ def _same(first: tuple[float, float, float], second: tuple[float, float, float])
     return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in zip(first, second, strict=True))
 
 
-def _new_point(name: str, xyz: tuple[float, float, float], source: ControlFromGcpList) -> ControlPoint:
+def _new_point(name: str, one: _Measured, source: ControlFromGcpList) -> ControlPoint:
     """A point without measurements; the list has neither roles nor standard errors, which the workflow states for all of it."""
     sigma = (source.sigma_plan, source.sigma_plan, source.sigma_height)
-    return ControlPoint(name=name, role="check" if name in source.check else "control", xyz=xyz, sigma=sigma, measurements={})
+    role = "check" if name in source.check else "control"
+    return ControlPoint(name=name, role=role, xyz=one.xyz, sigma=sigma, measurements={}, line=one.line)

@@ -42,6 +42,7 @@ from orthomill.tasks.orientation.block.given_lens import contradicted_lenses
 from orthomill.tasks.orientation.block.image_scales import shown_constants
 from orthomill.tasks.orientation.block.own_constants import OwnConstant, apart, own_constant_findings, refined, with_own_constant
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
+from orthomill.tasks.orientation.exterior.bend_without_control import bend_without_control
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
 from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
@@ -113,7 +114,12 @@ def orient_block(
     elevation = None if heights is None or lattice is None else Elevation(heights, lattice).checked()
     # One interior orientation for each sensor: photographs turned by EXIF would need one for every way they were turned.
     upright = Upright(photos, cameras)
-    tables = _block_of_sensors(upright.sensors(tie_points, control, given), relative, crs, choices, elevation)
+    seen = upright.sensors(tie_points, control, given)
+
+    def oriented(with_control: Control) -> BlockTables:
+        return _block_of_sensors(replace(seen, control=with_control), relative, crs, choices, elevation)
+
+    tables = bend_without_control(oriented(seen.control), control, lambda: oriented(Control()))
     return _upright_tables(upright, tables) if upright.anything else tables
 
 

@@ -118,9 +118,9 @@ def photos_report(
 
 
 def photo_remarks(photos: Photos, positions_kind: str, cameras_kind: str) -> Iterator[str]:
-    """What is noticed about files, positions and cameras before anything runs."""
-    yield from what_was_read(photos)
+    """What is noticed about files, positions and cameras before anything runs, and what was read."""
     yield from header_warnings(photos, positions_kind, cameras_kind)
+    yield from what_was_read(photos)
 
 
 def _cameras(photos: Photos) -> str:

@@ -13,7 +13,7 @@ from orthomill.schemas.findings.control_findings import (
     HeightsUnknown,
 )
 from orthomill.schemas.photo import Photos
-from orthomill.schemas.project import ANY_CRS, ControlFromGcpList
+from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.control.control_files import read_control
 from orthomill.tasks.orientation.control.control_heights import FREE
@@ -62,13 +62,13 @@ def test_heights_of_a_system_with_a_vertical_datum_are_reported():
     assert found.findings == (HeightsNotTransformed(crs="EPSG:32634+5773"),) and found.points[0].xyz[2] == 100.0
 
 
-def control_of(heights, crs=CRS, positions=True):
+def control_of(heights, crs=CRS, positions=True, source=None):
     names = "PQR"[: len(heights)]
     place = PLACE if crs != ANY_CRS else np.zeros(3)
     lines = "".join(f"{names[i]},control,{place[0] + i},{place[1]},{z},0.1,0.1,0.2\n" for i, z in enumerate(heights))
     seen = "".join(f"{name},{photo},10,20,0.5\n" for name in names for photo in "ab")
     photos = PHOTOS if positions and crs != ANY_CRS else unplaced()
-    return control_from_files(photos, HEADER + lines, "name,photo,col,row,sigma\n" + seen, None, crs)
+    return control_from_files(photos, HEADER + lines, "name,photo,col,row,sigma\n" + seen, None, crs, source=source)
 
 
 def unplaced():
@@ -109,6 +109,13 @@ def test_numbers_that_stand_for_no_height_are_none(number):
     assert f"have the height {number:.0f}, as programs write it where they know none, are used in plan only: Q." in (
         found.findings[0].sentence
     )
+
+
+@pytest.mark.parametrize("missing", [0, -9999, "nan"])
+def test_points_without_a_height_are_named_with_their_lines_and_their_file(missing):
+    source = ControlFromFiles(kind="files", points="survey/points.csv", measurements="survey/marks.csv")
+    found = control_of((160.2, missing, 171.9), source=source)
+    assert found.findings[0].sentence.split(".")[0].endswith("used in plan only: Q (line 3) of survey/points")
 
 
 def test_points_without_any_height_hold_a_block_without_positions_at_0():

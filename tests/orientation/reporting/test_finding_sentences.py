@@ -55,6 +55,14 @@ SPOKEN = [
         ["The block bends by 31 pixels on the ground (a bowl) against the attitudes"],
     ),
     (
+        f.BlockBent(bend_m=-1.7, extent_m=86.0, pixels=20.0, scatter_m=0.12, views_deg=None, grave=True, without_control_m=0.58),
+        ["the control bends it", "without the control the same photographs bend by 0.58 m only", "control: {kind: none}"],
+    ),
+    (
+        f.BlockBent(bend_m=-1.7, extent_m=86.0, pixels=20.0, scatter_m=0.12, views_deg=None, grave=True, without_control_m=1.6),
+        ["not the receiver but the camera is wrong"],
+    ),
+    (
         f.BlockBent(bend_m=0.074, extent_m=47.0, pixels=3.1, scatter_m=None, views_deg=1.1, grave=False),
         ["bends by 0.074 m", "a bowl", "about what a model of the lens leaves"],
     ),
