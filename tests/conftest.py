@@ -13,6 +13,13 @@ from orthomill.pipeline.engine.one_thread import one_thread_from_here
 
 one_thread_from_here()  # as in the command, before any numerical library is loaded
 
+# What Python compiles, the asserts of 500 files of tests among it, is kept, also where a container says to keep nothing: each
+# process would compile it again.
+BYTECODE = Path(__file__).parents[1] / ".cache" / "bytecode"
+sys.dont_write_bytecode, sys.pycache_prefix = False, str(BYTECODE)
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+os.environ["PYTHONPYCACHEPREFIX"] = str(BYTECODE)
+
 SUPPORT = [
     str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards", "serving")
 ]

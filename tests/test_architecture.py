@@ -1,11 +1,11 @@
-"""Holds the floors of the house: read off the imports, not off good intentions."""
+"""Holds the floors of the house: read off the imports, not off good intentions. Each test names all offenders at once."""
 
 import ast
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
-from graphlib import TopologicalSorter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,8 +15,33 @@ ROOT = Path(__file__).parent.parent
 SHARED = ("geometry", "adjustment", "matching", "visibility", "imagery", "targets", "colouring")
 CONVENTION = {"__init__.py", "stage.py", "report.py"}  # one of each in every stage
 CROWD = 20
+SHED = 480  # lines
 STAGES = tuple(path.parent.name for path in sorted((ROOT / "tasks").glob("*/stage.py")) if path.parent.name != "simulation")
+MAKERS = (*STAGES, "simulation")
+DOORED = ("colouring", *MAKERS)
+ABOVE_NUMERICS = (*(f"tasks.{name}" for name in MAKERS), "tasks.catalogue")
+NUMERICS = ("numpy", "numba", "scipy", "cv2")
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "common", "base", "misc", "tools"}
+HANDS_IN = (
+    "pipeline/cli/projects.py",
+    *(f"pipeline/cli/commands/{path.name}" for path in ROOT.glob("pipeline/cli/commands/*_commands.py")),
+)
+"""files of commands, from which the engine gets the catalogue handed in"""
+ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/colouring", "tasks/orientation")
+PIPELINE_ROOMS = (
+    "storage",
+    "records",
+    "signing",
+    "workflow",
+    "painting",
+    "export",
+    "engine",
+    "forecast",
+    "watching",
+    "report",
+    "serving",
+    "cli",
+)  # from the ground up
 
 
 @cache
@@ -24,6 +49,10 @@ def modules(*folders: str) -> tuple[Path, ...]:
     found = {folder: list((ROOT / folder).rglob("*.py")) for folder in folders}
     assert all(found.values()), f"of {folders}, one has no files: a test that reads them would hold nothing"
     return tuple(sorted(path for paths in found.values() for path in paths))
+
+
+PRODUCT = modules("orthomill", "schemas", "tasks", "pipeline")
+BELOW_THE_DOOR = modules("schemas", "tasks", "pipeline")
 
 
 class Read(NamedTuple):
@@ -73,6 +102,11 @@ def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
+def all_but(paths: Iterable[Path], *spared: str) -> list[Path]:
+    """The files without those that are named: a file, or a folder by its name and a slash."""
+    return [path for path in paths if not any(relative(path) == one or relative(path).startswith(one) for one in spared)]
+
+
 def nobody(offenders: Iterable[str]) -> None:
     if found := "\n".join(offenders):
         pytest.fail(found, pytrace=False)  # all of them in one message, which an assert would shorten
@@ -83,73 +117,88 @@ def offenders(paths: Iterable[Path], *packages: str) -> list[str]:
     return [f"{relative(path)}: {', '.join(sorted(found))}" for path in paths if (found := imports_any(path, *packages))]
 
 
-def test_schemas_stand_on_nothing():
-    nobody(offenders(modules("schemas"), "tasks", "pipeline", "dask", "distributed", "zarr", "rasterio", "cv2"))
+class Wall(NamedTuple):
+    """What some files may not import."""
+
+    rule: str
+    paths: Iterable[Path]
+    packages: tuple[str, ...]
 
 
-def test_tasks_know_no_engine_and_no_storage():
-    nobody(offenders(modules("tasks"), "pipeline", "dask", "distributed", "zarr", "rasterio", "yaml", "laspy", "pyarrow"))
+WALLS = (
+    Wall("schemas stand on nothing", modules("schemas"), ("tasks", "pipeline", "dask", "distributed", "zarr", "rasterio", "cv2")),
+    Wall(
+        "tasks know no engine and no storage",
+        modules("tasks"),
+        ("pipeline", "dask", "distributed", "zarr", "rasterio", "yaml", "laspy", "pyarrow"),
+    ),
+    Wall(
+        "shared numerics stand below the stages",
+        modules(*(f"tasks/{name}" for name in SHARED)),
+        (*ABOVE_NUMERICS, "schemas.stage_contract"),
+    ),
+    *(
+        Wall("stages never import each other", modules(f"tasks/{own}"), tuple(n for n in ABOVE_NUMERICS if n != f"tasks.{own}"))
+        for own in MAKERS
+    ),
+    Wall("inspections import no stage", modules("tasks/inspections"), ABOVE_NUMERICS),
+    Wall(
+        "only the lookups import inspections",
+        all_but(BELOW_THE_DOOR, "tasks/lookups.py", "tasks/inspections/"),
+        ("tasks.inspections",),
+    ),
+    Wall("the engine knows no photogrammetry", all_but(modules("pipeline"), *HANDS_IN), ("tasks",)),
+    Wall(
+        "no stage but the evaluation knows the truth",
+        modules(*(f"tasks/{name}" for name in (*SHARED, *STAGES) if name != "evaluation")),
+        ("schemas.truth",),
+    ),
+    Wall("a stage file holds no numerics", sorted((ROOT / "tasks").glob("*/stage.py")), NUMERICS),
+    Wall("scipy.special has the same functions, and is imported in a tenth of the time", BELOW_THE_DOOR, ("scipy.stats",)),
+    Wall("nothing unpickles files", BELOW_THE_DOOR, ("pickle", "cloudpickle", "marshal", "shelve")),
+)
 
 
-def test_shared_numerics_stand_below_the_stages():
-    above = (*(f"tasks.{name}" for name in STAGES), "tasks.simulation", "tasks.catalogue", "schemas.stage_contract")
-    nobody(offenders(modules(*(f"tasks/{name}" for name in SHARED)), *above))
+def broken(wall: Wall) -> list[str]:
+    return [f"{wall.rule}: {line}" for line in offenders(wall.paths, *wall.packages)]
 
 
-def test_stages_never_import_each_other():
-    makers = (*STAGES, "simulation")
-    others = {own: [f"tasks.{name}" for name in (*makers, "catalogue") if name != own] for own in makers}
-    nobody(line for own in makers for line in offenders(modules(f"tasks/{own}"), *others[own]))
+def test_no_file_imports_what_is_beyond_its_wall():
+    nobody(line for wall in WALLS for line in broken(wall))
 
 
-def test_inspections_import_no_stage_and_only_the_lookups_import_them():
-    below = [path for path in modules("schemas", "tasks", "pipeline") if relative(path) != "tasks/lookups.py"]
-    nobody(offenders((path for path in below if path.parent.name != "inspections"), "tasks.inspections"))
-    above = [f"tasks.{name}" for name in (*STAGES, "simulation", "catalogue")]
-    nobody(offenders(modules("tasks/inspections"), *above))
+def test_a_wall_names_whoever_breaks_it_with_each_of_its_packages(monkeypatch):
+    for wall in WALLS:
+        for package in wall.packages:
+            planted = read(wall.paths[0])._replace(imports=frozenset({f"{package}.inner"}))
+            monkeypatch.setitem(globals(), "read", lambda _, planted=planted: planted)
+            assert broken(wall) == [f"{wall.rule}: {relative(path)}: {package}.inner" for path in wall.paths]
+            monkeypatch.undo()
 
 
-HANDS_IN = {"pipeline/cli/projects.py", *(relative(path) for path in (ROOT / "pipeline/cli/commands").glob("*_commands.py"))}
-"""files of commands, from which the engine gets the catalogue handed in"""
+def test_only_these_files_import_dask_zarr_and_numba():
+    """Of numba the decorators: kernels have those of `orthomill.kernels`, with the cache that all processes share."""
+    dask = {path.name for path in modules("pipeline") if imports_any(path, "dask", "distributed")}
+    zarr = {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")}
+    numba = {relative(path) for path in BELOW_THE_DOOR if "numba" in read(path).imports}
+    differ = {
+        "dask": dask ^ {"dask_runner.py", "dask_cluster.py", "dask_observer.py", "started_clusters.py"},
+        "zarr": zarr ^ {"storage"},
+        "numba": numba,
+    }
+    nobody(f"{package}: {', '.join(sorted(found))}" for package, found in differ.items() if found)
 
 
-def test_the_engine_knows_no_photogrammetry():
-    nobody(offenders((path for path in modules("pipeline") if relative(path) not in HANDS_IN), "tasks"))
-    nobody(relative(ROOT / path) for path in HANDS_IN if imports_any(ROOT / path, "tasks") - {"tasks.catalogue", "tasks.lookups"})
+def test_commands_hand_in_the_catalogue_and_the_lookups():
+    paths = [ROOT / path for path in HANDS_IN]
+    nobody(relative(path) for path in paths if imports_any(path, "tasks") - {"tasks.catalogue", "tasks.lookups"})
 
 
-def test_no_stage_but_the_evaluation_knows_the_truth():
-    nobody(offenders(modules(*(f"tasks/{name}" for name in (*SHARED, *STAGES) if name != "evaluation")), "schemas.truth"))
-
-
-def test_only_four_files_import_dask():
-    found = {path.name for path in modules("pipeline") if imports_any(path, "dask", "distributed")}
-    assert found == {"dask_runner.py", "dask_cluster.py", "dask_observer.py", "started_clusters.py"}
-
-
-def test_kernels_have_the_cache_that_all_processes_share():
-    texts = {path: path.read_text() for path in modules("schemas", "tasks", "pipeline")}
-    nobody(relative(path) for path, text in texts.items() if "from numba import" in text or "import numba\n" in text)
-
-
-def test_nobody_loads_the_distributions_of_scipy():
-    """scipy.stats takes as long to import as the rest of what a command needs; scipy.special has the same functions."""
-    nobody(offenders(modules("schemas", "tasks", "pipeline"), "scipy.stats"))
-
-
-def test_every_kernel_and_every_public_function_says_what_it_takes():
-    paths = modules("orthomill", "schemas", "tasks", "pipeline")
-    nobody(f"{relative(path)}: {name}" for path in paths for name in read(path).unexplained)
-
-
-def jobs_made() -> Iterator[tuple[Path, ast.Call]]:
-    texts = {path: path.read_text() for path in modules("tasks", "orthomill")}
-    calls = ((path, node) for path, text in texts.items() if " Job(" in text for node in ast.walk(ast.parse(text)))
-    yield from ((path, node) for path, node in calls if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Job")
-
-
-def test_what_a_job_reads_and_writes_is_named_where_it_is_made():
-    nobody(relative(path) for path, job in jobs_made() if job.args)
+def calls(name: str, *folders: str) -> Iterator[tuple[Path, ast.Call]]:
+    """Every call of the name with the file that it stands in."""
+    texts = {path: path.read_text() for path in modules(*folders)}
+    nodes = ((path, node) for path, text in texts.items() if f"{name}(" in text for node in ast.walk(ast.parse(text)))
+    yield from ((path, node) for path, node in nodes if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name)
 
 
 def products(formula: ast.AST) -> Iterator[ast.BinOp]:
@@ -160,100 +209,75 @@ def products(formula: ast.AST) -> Iterator[ast.BinOp]:
         yield from (*products(formula.left), *products(formula.right))
 
 
-def test_what_a_job_needs_of_memory_is_said_in_one_vocabulary():
-    """`schemas/memory.py`: so many bytes for each cell of a window, a grid, a shape or a table."""
-    formulas = ((path, word.value) for path, job in jobs_made() for word in job.keywords if word.arg == "scratch")
-    nobody(f"{relative(path)}: {ast.unparse(one)}" for path, formula in formulas for one in products(formula))
-    texts = {path: path.read_text() for path in modules("schemas", "tasks", "pipeline") if path.stem != "memory"}
-    nobody(relative(path) for path, text in texts.items() if re.search(r"^[MG]IB.* = ", text, re.MULTILINE))
+def other_ways() -> Iterator[str]:
+    jobs = [*calls("Job", "tasks", "orthomill")]
+    yield from (f"{relative(path)}:{job.lineno}: a job without keywords" for path, job in jobs if job.args)
+    formulas = ((path, word.value) for path, job in jobs for word in job.keywords if word.arg == "scratch")
+    yield from (f"{relative(path)}: {ast.unparse(one)}" for path, formula in formulas for one in products(formula))
+    texts = {path: path.read_text() for path in BELOW_THE_DOOR if path.stem != "memory"}
+    yield from (
+        f"{relative(path)} has bytes of its own" for path, text in texts.items() if re.search(r"^[MG]IB.* = ", text, re.MULTILINE)
+    )
 
 
-def test_only_the_storage_room_imports_zarr():
-    assert {path.parent.name for path in modules("pipeline") if imports_any(path, "zarr")} == {"storage"}
-
-
-def test_a_stage_file_holds_no_numerics():
-    nobody(offenders(sorted((ROOT / "tasks").glob("*/stage.py")), "numpy", "numba", "scipy", "cv2"))
-
-
-DOORED = ("colouring", "simulation", *STAGES)
-NUMERICS = ("numpy", "numba", "scipy", "cv2")
-
-
-def test_behind_its_doors_every_stage_is_the_same():
-    """Jobs are made in `plan` and words in `report`, neither with numerics; rooms of methods know nothing of both."""
-    for stage in DOORED:
-        doors = {door: modules(f"tasks/{stage}/{door}") for door in ("plan", "report")}
-        nobody(line for paths in doors.values() for line in offenders(paths, *NUMERICS))
-        rooms = [
-            path for path in modules(f"tasks/{stage}") if path.name != "stage.py" and path not in (*doors["plan"], *doors["report"])
-        ]
-        nobody(offenders(rooms, "schemas.stage_report", f"tasks.{stage}.plan", f"tasks.{stage}.report"))
-        nobody(relative(path) for path in (*rooms, *doors["report"]) if "Job(" in path.read_text())
+def test_jobs_are_made_in_one_way():
+    """By keywords, with memory in the words of `schemas/memory.py`: bytes for each cell of a window, a grid, a shape or a table."""
+    nobody(other_ways())
 
 
 def test_no_stage_reports_without_a_verdict():
     """Silence is not a verdict: a report is made with one, and what is added to a report keeps it."""
-    made = [
-        (path.relative_to(ROOT).as_posix(), call)
-        for path in modules("tasks")
-        if "StageReport(" in path.read_text()
-        for call in ast.walk(ast.parse(path.read_text()))
-        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "StageReport"
+    made = [*calls("StageReport", "tasks")]
+    assert len(made) > 10
+    nobody(f"{relative(path)}:{call.lineno}" for path, call in made if "verdict" not in [word.arg for word in call.keywords])
+
+
+def wrong_doors(stage: str) -> Iterator[str]:
+    doors = {door: modules(f"tasks/{stage}/{door}") for door in ("plan", "report")}
+    for paths in doors.values():
+        yield from offenders(paths, *NUMERICS)
+    behind = [
+        path for path in modules(f"tasks/{stage}") if path.name != "stage.py" and path not in (*doors["plan"], *doors["report"])
     ]
-    assert len(made) > 10 and [file for file, call in made if "verdict" not in [word.arg for word in call.keywords]] == []
+    yield from offenders(behind, "schemas.stage_report", f"tasks.{stage}.plan", f"tasks.{stage}.report")
+    yield from (f"{relative(path)} makes a job" for path in (*behind, *doors["report"]) if "Job(" in path.read_text())
+
+
+def test_behind_its_doors_every_stage_is_the_same():
+    """Jobs are made in `plan` and words in `report`, neither with numerics; rooms of methods know nothing of both."""
+    nobody(line for stage in DOORED for line in wrong_doors(stage))
+
+
+def test_every_file_kernel_and_public_function_says_what_it_is():
+    nobody(
+        f"{relative(path)}: {name}"
+        for path in PRODUCT
+        for name in (*([] if read(path).opens_with_words else ["no docstring"]), *read(path).unexplained)
+    )
 
 
 def test_names_say_what_is_inside():
-    nobody(relative(path) for path in modules("schemas", "tasks", "pipeline") if path.stem in FORBIDDEN_NAMES)
+    nobody(relative(path) for path in BELOW_THE_DOOR if path.stem in FORBIDDEN_NAMES)
 
 
-def test_every_file_opens_with_its_strategy():
-    paths = modules("schemas", "tasks", "pipeline")
-    nobody(f"{relative(path)} has no docstring" for path in paths if not read(path).opens_with_words)
+def test_no_file_and_no_folder_grows_into_a_shed():
+    files = Counter(relative(path.parent) for path in (*PRODUCT, *modules("tests", "benchmarks")) if path.name != "__init__.py")
+    nobody(
+        (
+            *(
+                f"{relative(path)} has {read(path).lines} lines; rebuild the room"
+                for path in BELOW_THE_DOOR
+                if read(path).lines > SHED
+            ),
+            *(f"{folder} holds {count} files; give it rooms" for folder, count in files.items() if count > CROWD),
+        )
+    )
 
 
-def test_no_file_grows_into_a_shed():
-    paths = modules("schemas", "tasks", "pipeline")
-    nobody(f"{relative(path)} has {read(path).lines} lines; rebuild the room" for path in paths if read(path).lines > 480)
-
-
-def test_nothing_unpickles_files():
-    nobody(offenders(modules("schemas", "tasks", "pipeline"), "pickle", "cloudpickle", "marshal", "shelve"))
-
-
-def test_no_folder_is_crowded():
-    named = modules("orthomill", "schemas", "tasks", "pipeline", "tests", "benchmarks")
-    files = Counter(relative(path.parent) for path in named if path.name != "__init__.py")
-    nobody(f"{folder} holds {count} files; give it rooms" for folder, count in files.items() if count > CROWD)
-
-
-def test_nobody_meets_two_files_of_one_name():
-    names = Counter(path.name for path in modules("orthomill", "schemas", "tasks", "pipeline", "benchmarks"))
-    nobody(name for name, times in names.items() if times > 1 and name not in CONVENTION)
-
-
-def test_nobody_meets_two_classes_of_one_name():
-    paths = modules("orthomill", "schemas", "tasks", "pipeline")
-    names = Counter(name for path in paths for name in read(path).classes)
-    nobody(name for name, times in names.items() if times > 1)
-
-
-ROOMED = ("pipeline", "tasks/adjustment", "tasks/calibration", "tasks/colouring", "tasks/orientation")
-PIPELINE_ROOMS = (
-    "storage",
-    "records",
-    "signing",
-    "workflow",
-    "painting",
-    "export",
-    "engine",
-    "forecast",
-    "watching",
-    "report",
-    "serving",
-    "cli",
-)  # from the ground up
+def test_nobody_meets_two_files_or_two_classes_of_one_name():
+    files = Counter(path.name for path in (*PRODUCT, *modules("benchmarks")) if path.name not in CONVENTION)
+    classes = Counter(name for path in PRODUCT for name in read(path).classes)
+    nobody(name for name, times in (files + classes).items() if times > 1)
 
 
 @cache
@@ -270,9 +294,16 @@ def neighbours(floor: str) -> dict[str, set[str]]:
     return found
 
 
-def test_rooms_of_a_floor_import_in_no_circle():
+def circles() -> Iterator[str]:
     for floor in ROOMED:
-        TopologicalSorter(neighbours(floor)).prepare()  # raises CycleError, which names the circle
+        try:
+            TopologicalSorter(neighbours(floor)).prepare()
+        except CycleError as circle:
+            yield f"{floor}: {' <- '.join(circle.args[1])}"
+
+
+def test_rooms_of_a_floor_import_in_no_circle():
+    nobody(circles())
 
 
 def test_a_room_of_the_pipeline_imports_only_rooms_below_it():
