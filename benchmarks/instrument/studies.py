@@ -569,6 +569,23 @@ _ALL = (
         words="[ROUNDS [PROJECT]]",
     ),
     Study(
+        "engine_cost",
+        "scale.engine_cost",
+        "what planning, messages and records cost for a job that does nothing",
+        "minutes",
+        ("pipeline/engine", "pipeline/records", "pipeline/storage"),
+        words="[JOBS [WORKERS]]",
+    ),
+    Study(
+        "large_projects",
+        "scale.large_projects",
+        "a town, a county, a city and a country on simulated clusters, from the jobs of a finished run",
+        "minutes",
+        EVERYTHING,
+        RUN,
+        "PROJECT",
+    ),
+    Study(
         "starved_machine",
         "trust.starved_machine",
         "thousands of jobs on a machine that has no time for them",

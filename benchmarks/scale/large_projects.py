@@ -1,0 +1,155 @@
+"""Projects and clusters that nobody can try here: how long, how many requests, what breaks first.
+
+python -m benchmarks large_projects PROJECT
+
+The jobs of a finished run (their processor time, the objects and bytes that they read and write, what they wait for) are repeated
+to the size of a project and played on clusters by a simulation. What the engine costs for a job is that of engine_cost.md.
+"""
+
+from dataclasses import dataclass
+
+from benchmarks.instrument.result_page import write_page
+from benchmarks.scale.recorded_layout import Layout, enlarged, layout_of
+from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
+
+DISPATCH, ENGINE = 0.005, 0.011
+"""CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
+PLAN_BYTES = 6600.0
+"""of a job, in the memory of the command: the same"""
+POSITION_BYTES = 1.4e6
+"""of a photograph in the adjustment: adjustment_growth.md"""
+PHOTOGRAPH = 100.0
+"""megapixels of an aerial camera"""
+PUT, GET = 5e-6, 4e-7
+"""US dollars a request, the list price of the largest store"""
+
+
+@dataclass(frozen=True)
+class Project:
+    """`megapixels` of photographs, in blocks of so many that are oriented by themselves."""
+
+    name: str
+    megapixels: float
+    blocks: int = 1
+
+    @property
+    def block(self) -> float:
+        """Megapixels of a block."""
+        return self.megapixels / self.blocks
+
+
+TOWN = Project("the town of `volos_full`, six photographs of 235 Mpx", 1411.0)
+COUNTY = Project("a county: 1000 photographs", 1000 * PHOTOGRAPH)
+CITY = Project("a city: 10 000 photographs", 10_000 * PHOTOGRAPH)
+COUNTRY = Project("a country: 40 Tpx in 40 blocks", 40e6, 40)
+
+
+def main(words: list[str]) -> None:
+    """Simulates all, and writes the page."""
+    if len(words) != 1:
+        raise SystemExit("Which project? python -m benchmarks large_projects PROJECT (of this folder, with a finished run)")
+    write_page("large_projects", words, page(words[0], layout_of(words[0])))
+
+
+def page(name: str, layout: Layout) -> str:
+    """The page."""
+    lines = [
+        "# Large projects on clusters, simulated",
+        "",
+        f"Jobs of `{name}` ({layout.megapixels:.0f} Mpx, {len(layout.once)} jobs, {layout.core_seconds:.1f} core-s per Mpx on the "
+        "machine above), repeated side by side; what a project has once (its adjustment, files that are exported) takes as much "
+        f"longer as the project is larger. The scheduler is busy for {1000 * DISPATCH:.0f} ms with every job, a worker for "
+        f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, a worker reads and writes 100 MB/s. An order of "
+        "magnitude, not a promise: real blocks differ by a factor of two or so.",
+        "",
+        "## What an office asks",
+        "",
+        "| project | tile, px | jobs | core-hours | stored, TB | requests, millions | their price, $ | memory of the command, GB | "
+        "memory of a block's adjustment, GB |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        *(_asked(project, layout, tile) for project, tile in SIZES),
+        "",
+        "## Strong scaling",
+        "",
+        "Hours from the photographs to all products, and the share of the workers' time that goes into jobs.",
+        "",
+        "| project | tile, px | workers | hours | efficiency, % | scheduler busy, % | longest job, min |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+        *(_scaled(project, layout, tile, workers) for project, tile, workers in CLUSTERS),
+        "",
+        "## Weak scaling",
+        "",
+        "As much work for each worker.",
+        "",
+        "| Mpx | workers | tile, px | hours | efficiency, % |",
+        "| --- | --- | --- | --- | --- |",
+        *(_weak(layout, workers) for workers in (1, 10, 100, 1000)),
+        "",
+        "## What goes wrong",
+        "",
+        f"{COUNTY.name}, tiles of 2048 px, 100 workers.",
+        "",
+        "| circumstance | hours | longer by, % | done twice, core-hours |",
+        "| --- | --- | --- | --- |",
+        *_failures(layout),
+    ]
+    return "\n".join(lines)
+
+
+SIZES = ((TOWN, 512), (TOWN, 2048), (COUNTY, 2048), (CITY, 2048), (CITY, 4096), (COUNTRY, 4096))
+CLUSTERS = (
+    *((TOWN, 512, workers) for workers in (1, 16, 100)),
+    *((TOWN, 2048, workers) for workers in (16, 100)),
+    *((COUNTY, 512, workers) for workers in (100,)),
+    *((COUNTY, 2048, workers) for workers in (16, 100, 1000)),
+    *((CITY, 4096, workers) for workers in (100, 1000)),
+)
+
+
+def _cluster(workers: int) -> Cluster:
+    return Cluster(workers, DISPATCH, ENGINE)
+
+
+def _asked(project: Project, layout: Layout, tile: int) -> str:
+    jobs = enlarged(layout, project.block, tile)
+    count, photographs = len(jobs.seconds), project.block / PHOTOGRAPH
+    gets, puts = jobs.reads.sum() * project.blocks, jobs.writes.sum() * project.blocks
+    return (
+        f"| {project.name} | {tile} | {count * project.blocks:,} | {jobs.seconds.sum() * project.blocks / 3600:,.0f} | "
+        f"{layout.stored * project.megapixels / 1e12:.2g} | {(gets + puts) / 1e6:.2g} | {gets * GET + puts * PUT:,.0f} | "
+        f"{count * PLAN_BYTES / 1e9:.2g} | {photographs * POSITION_BYTES / 1e9:.2g} |"
+    )
+
+
+def _scaled(project: Project, layout: Layout, tile: int, workers: int) -> str:
+    outcome = simulated(enlarged(layout, project.megapixels, tile), _cluster(workers))
+    return (
+        f"| {project.name} | {tile} | {workers} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} | "
+        f"{100 * outcome.busy:.0f} | {outcome.longest / 60:.1f} |"
+    )
+
+
+def _weak(layout: Layout, workers: int) -> str:
+    size, tile = workers * TOWN.megapixels, 2048
+    outcome = simulated(enlarged(layout, size, tile), _cluster(workers))
+    return f"| {size:,.0f} | {workers} | {tile} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} |"
+
+
+def _failures(layout: Layout) -> list[str]:
+    jobs, calm = enlarged(layout, COUNTY.megapixels, 2048), _cluster(100)
+    undisturbed = simulated(jobs, calm)
+    circumstances = {
+        "nothing": calm,
+        "1 % of the requests fail, each repeated after a second": calm._replace(refused=0.01),
+        "10 % of them": calm._replace(refused=0.1),
+        "requests take 0.3 s": calm._replace(latency=0.3),
+        "every worker is taken away once in 2 hours, and back after 2 minutes": calm._replace(life=7200.0),
+        "once in 20 minutes": calm._replace(life=1200.0),
+    }
+    return [_failed(name, jobs, cluster, undisturbed) for name, cluster in circumstances.items()]
+
+
+def _failed(name: str, jobs: Jobs, cluster: Cluster, undisturbed: Outcome) -> str:
+    outcome = simulated(jobs, cluster)
+    longer = 100 * (outcome.clock / undisturbed.clock - 1)
+    return f"| {name} | {outcome.clock / 3600:.2f} | {longer:.0f} | {outcome.lost / 3600:.1f} |"

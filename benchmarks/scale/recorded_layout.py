@@ -1,0 +1,112 @@
+"""The jobs of a finished run, and of a project that many blocks like it make up."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.scale.simulated_cluster import Jobs
+from orthomill.pipeline.engine.foresight import photograph_pixels
+from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.running import session_of
+from orthomill.pipeline.records.records import Record
+from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
+from orthomill.schemas.job import Export
+from orthomill.tasks.catalogue import STAGES
+
+JUDGES = ("simulation", "evaluation")
+"""stages of simulated projects alone"""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A block of so many megapixels. `once`: (N,) whether a job is made once for a whole project, however large."""
+
+    megapixels: float
+    tile: int
+    jobs: Jobs
+    once: np.ndarray
+    stored: float
+    """bytes that are kept, of a megapixel"""
+
+    @property
+    def core_seconds(self) -> float:
+        """Of a megapixel."""
+        return float(self.jobs.seconds.sum()) / self.megapixels
+
+
+def layout_of(project: str) -> Layout:
+    """The jobs of the finished run of a project of this folder, without those that only simulations have."""
+    session = session_of(load_workflow(resolve_workflow(project, Path.cwd()), STAGES))
+    session.plan()
+    if session.pending or session.planner.open_stages:
+        raise SystemExit(f"{project} is not finished by this version of the program: run it, then measure.")
+    kept = [planned for key, planned in session.graph.jobs.items() if key[0] not in JUDGES]
+    records = [session.records.get(planned.key) for planned in kept]
+    place = {planned.key: number for number, planned in enumerate(kept)}
+    before = [[place[key] for key in planned.dependencies if key in place] for planned in kept]
+    jobs = Jobs(
+        np.array([record.cpu_seconds if record else 0.0 for record in records]),
+        np.array([len(found) for found in before]),
+        np.array([len(record.files) if record else 0 for record in records]),
+        np.array([_bytes(planned, record) for planned, record in zip(kept, records, strict=True)], float),
+        np.concatenate(([0], np.cumsum([len(found) for found in before]))),
+        np.array([one for found in before for one in found], int),
+    )
+    megapixels = photograph_pixels(session) / 1e6
+    stored = sum(kept.size for record in records if record for kept in record.files.values())
+    return Layout(megapixels, session.project.tile, jobs, _once(kept), stored / megapixels)
+
+
+def _bytes(planned: PlannedJob, record: Record | None) -> int:
+    """Bytes through the network: what it wrote, and as much for what it reads as its pixels are more than that."""
+    written = sum(kept.size for kept in record.files.values()) if record else 0
+    share = planned.data_bytes / planned.output_bytes if planned.output_bytes else 2.0
+    return int(written * max(share, 1.0))
+
+
+def _once(kept: list[PlannedJob]) -> np.ndarray:
+    """A family of a single job is one for the whole project, and so is every file that is exported."""
+    families: dict[tuple[str, str], int] = {}
+    for planned in kept:
+        families[planned.key[:2]] = families.get(planned.key[:2], 0) + 1
+    return np.array([isinstance(one.job, Export) or families[one.key[:2]] == 1 for one in kept])
+
+
+def enlarged(layout: Layout, megapixels: float, tile: int) -> Jobs:
+    """The jobs of a project of so many megapixels with such tiles: blocks like this one side by side.
+
+    With larger tiles a block has as many jobs and covers as much more. Jobs that are made once grow with the project.
+    """
+    jobs = layout.jobs
+    copies = max(1, round(megapixels / layout.megapixels * (layout.tile / tile) ** 2))
+    grown = megapixels / layout.megapixels / copies
+    numbers = np.where(layout.once, 1, copies)
+    begins = np.concatenate(([0], np.cumsum(numbers)))
+    factor = np.where(layout.once, grown * copies, grown)
+    more = np.where(layout.once, copies, 1)
+    first, before = _repeated_dependencies(jobs, layout.once, begins, copies)
+    return Jobs(
+        np.repeat(jobs.seconds * factor, numbers),
+        np.repeat(jobs.reads * more, numbers),
+        np.repeat(jobs.writes * more, numbers),
+        np.repeat(jobs.bytes * factor, numbers),
+        first,
+        before,
+    )
+
+
+def _repeated_dependencies(jobs: Jobs, once: np.ndarray, begins: np.ndarray, copies: int) -> tuple[np.ndarray, np.ndarray]:
+    """A copy waits for the same copy; what is made once waits for all."""
+    counts, before, every = [], [], np.arange(copies)
+    for number in range(len(once)):
+        needed = jobs.before[jobs.first[number] : jobs.first[number + 1]]
+        if once[number]:
+            found = np.concatenate([begins[one] + (every[:1] if once[one] else every) for one in needed] or [every[:0]])
+            counts.append(np.array([len(found)]))
+            before.append(found)
+        else:
+            found = begins[needed] + np.where(once[needed], 0, every[:, None])
+            counts.append(np.full(copies, len(needed)))
+            before.append(found.ravel())
+    return np.concatenate(([0], np.cumsum(np.concatenate(counts)))), np.concatenate(before).astype(int)

@@ -1,0 +1,64 @@
+"""The simulation of clusters: cases whose outcome is known without it."""
+
+import numpy as np
+import pytest
+
+from benchmarks.scale.recorded_layout import Layout, enlarged
+from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
+
+IDEAL = Cluster(1, dispatch=0.0, engine=0.0, latency=0.0)
+
+
+def jobs_of(seconds: list[float], *before: tuple[int, ...]) -> Jobs:
+    """Jobs that read and write nothing; `before`: those that each one waits for."""
+    waits = [*before, *[()] * (len(seconds) - len(before))]
+    count = np.zeros(len(seconds), int)
+    first = np.concatenate(([0], np.cumsum([len(one) for one in waits])))
+    return Jobs(np.array(seconds), count, count, count * 1.0, first, np.array([one for found in waits for one in found], int))
+
+
+def test_independent_jobs_share_the_workers():
+    outcome = simulated(jobs_of([2.0] * 12), IDEAL._replace(workers=4))
+    assert outcome.clock == 6.0 and outcome.efficiency(4) == 1.0
+
+
+def test_a_chain_takes_the_sum_whatever_the_workers():
+    assert simulated(jobs_of([1.0, 2.0, 3.0], (), (0,), (1,)), IDEAL._replace(workers=9)).clock == 6.0
+
+
+def test_many_short_jobs_take_as_long_as_the_scheduler_needs():
+    outcome = simulated(jobs_of([0.01] * 100), IDEAL._replace(workers=100, dispatch=0.1))
+    assert outcome.clock == pytest.approx(100 * 0.1 + 0.01) and outcome.busy == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_the_scheduler_does_not_hold_cannot_begin():
+    # The first holds up the others; with two places only one of those that could run is known to the scheduler.
+    jobs = jobs_of([10.0, 1.0, 1.0, 1.0], (), (0,), (0,), ())
+    assert simulated(jobs, IDEAL._replace(workers=2, held=4)).clock == 11.0
+    assert simulated(jobs, IDEAL._replace(workers=2, held=2)).clock == 12.0
+
+
+def test_requests_take_their_time_and_refused_ones_more():
+    jobs = jobs_of([1.0])._replace(reads=np.array([3]), writes=np.array([1]), bytes=np.array([50.0]))
+    cluster = IDEAL._replace(latency=0.5, bandwidth=100.0)
+    assert simulated(jobs, cluster).clock == 1.0 + 4 * 0.5 + 0.5
+    assert simulated(jobs, cluster._replace(refused=1.0, pause=2.0)).clock == 3.5 + 4 * 2.0
+
+
+def test_workers_that_are_taken_away_do_their_jobs_anew():
+    jobs, calm = jobs_of([10.0] * 400), IDEAL._replace(workers=10)
+    stormy = simulated(jobs, calm._replace(life=100.0, absence=5.0))
+    # One job in ten is cut off (1 - exp(-0.1)), in its middle on average: half of its time and the absence are lost.
+    assert stormy.clock / simulated(jobs, calm).clock == pytest.approx(1 + 0.095 * (0.5 + 0.5), abs=0.04)
+    assert stormy == simulated(jobs, calm._replace(life=100.0, absence=5.0)) and stormy.lost > 0
+
+
+def test_a_project_of_four_blocks_waits_for_what_is_made_once():
+    """Two tiles, one adjustment of both, two tiles that wait for it."""
+    jobs = jobs_of([1.0, 1.0, 4.0, 1.0, 1.0], (), (), (0, 1), (2, 0), (2, 1))
+    layout = Layout(10.0, 512, jobs, np.array([False, False, True, False, False]), 0.0)
+    whole = enlarged(layout, 40.0, 512)
+    assert len(whole.seconds) == 4 * 4 + 1 and whole.seconds.sum() == 4 * jobs.seconds.sum()
+    assert simulated(whole, IDEAL._replace(workers=8)).clock == 1.0 + 16.0 + 1.0
+    larger = enlarged(layout, 40.0, 1024)
+    assert len(larger.seconds) == 5 and larger.seconds.sum() == whole.seconds.sum()
