@@ -37,7 +37,13 @@ def of_value(value: Any) -> str:
     return digest(json.dumps(_plain(value), sort_keys=True))
 
 
+_PLAIN = (int, float, str, bool, type(None))
+
+
 def _plain(value: Any) -> Any:
+    # Most values of most jobs; exactly these types, for numpy has numbers that are floats as well.
+    if type(value) in _PLAIN:
+        return value
     # The name of the type is part of the text: two kinds of settings with equal fields are different settings.
     if isinstance(value, BaseModel):
         return [type(value).__name__, value.model_dump(mode="json")]
@@ -55,7 +61,7 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
-    if value is None or isinstance(value, str | int | float | bool):
+    if isinstance(value, str | int | float):
         return value
     raise TypeError(
         f"a parameter of type {type(value).__name__} has no fingerprint; pass numbers, text, tuples, settings or frozen values"
