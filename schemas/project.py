@@ -292,12 +292,13 @@ class ControlFromScans(Settings):
 
 
 class ControlFromTargets(SurveyedPoints):
-    """Coded targets (AprilTag, ArUco) that are found in the photographs by themselves. Codes without coordinates are tie points."""
+    """Coded targets (AprilTag, ArUco, ring codes) that are found in the photographs by themselves; without coordinates they are
+    tie points."""
 
     kind: Literal["targets"]
     points: ProjectPath | None = setting(
         None,
-        "Coordinates of the targets, a list as for kind: files; names are those of the codes (tag36h11-7, aruco4x4-7), or their "
+        "Coordinates of the targets, a list as for kind: files; names are those of the codes (tag36h11-7, ring12-7), or their "
         "numbers. null: none are known.",
     )
     distances: ProjectPath | None = setting(

@@ -28,7 +28,7 @@ def photo_targets(grey: np.ndarray) -> tuple[FoundTarget, ...]:
     coded = coded_targets(np.clip(whole, 0, 255).astype(np.uint8))
     rings = ring_targets(whole)
     out = [one for i in range(len(rings)) if (one := _target(whole, rings, i)) is not None]
-    # The squares of a code are no targets of their own.
+    # The squares and the dot of a code are no targets of their own.
     apart = [one for one in out if all(np.hypot(*np.subtract(one.place, code.place)) >= 1.6 * code.radius for code in coded)]
     return (*coded, *_apart(sorted(apart, key=lambda one: -one.score)))
 

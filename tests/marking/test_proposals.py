@@ -9,8 +9,8 @@ from benchmarks.marking.simulated_marks import simulated_block
 from orthomill.schemas.marks import ExpectedSight, FoundTarget, MarkedPoint
 from orthomill.tasks.marking.expected_targets import target_proposals, unexpected_targets
 from orthomill.tasks.marking.patch_matching import CarriedPatch, SearchedPatch, carried, carried_from
-from orthomill.tasks.targets.coded_targets import crossing
 from orthomill.tasks.targets.photo_targets import photo_targets, stretched, targets_in
+from orthomill.tasks.targets.square_codes import crossing
 from orthomill.tasks.targets.symmetric_centre import symmetric_centre
 
 
