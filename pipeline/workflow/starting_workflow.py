@@ -320,7 +320,7 @@ def _notes(survey: Survey, crs: str | None) -> Iterator[str]:
             f"{survey.without_focal} of {len(survey.headers)} photographs have no focal length; they are assigned the camera of "
             "the others of their size. Remove images that do not belong to the block."
         )
-    if survey.places and len(survey.places) < len(survey.headers):
+    if survey.places and len(survey.places) < len(survey.headers) and not beside.positions:
         missing = len(survey.headers) - len(survey.places)
         yield f"{missing} of {len(survey.headers)} photographs have no GPS position; they are oriented through their overlap."
     if survey.placeless:

@@ -55,7 +55,9 @@ class PositionsRead(BaseModel):
     off_tags_m: float | None = None
     """by how much the positions are off the GPS tags in plan (m, median), where no receiver explains it"""
     above_tags_m: float | None = None
-    """by how much they are above the heights of the tags (m, median), where no geoid explains it"""
+    """by how much they are above the heights of the tags (m, median), where no receiver explains it"""
+    stepped: tuple[tuple[str, ...], float] | None = None
+    """photographs whose heights are off the tags by another amount than those of the others, and by how much more, m"""
     without: int = 0
     """lines without a position"""
     angles: str | None = None

@@ -48,8 +48,8 @@ _MEANINGS: dict[str, str] = {
     "pitch": "pitch gimbalpitchdegree gimbal_pitch camera_pitch pitch_angle",
     "roll": "roll gimbalrolldegree gimbal_roll camera_roll roll_angle",
     "fix": "q fix quality fix_type fixtype rtkflag rtk_flag solution_status solution fix_status gnss_fix",
-    "col": "col column u image_u pixel_x px img_x image_x x_pixel im_x x_px",
-    "row": "row line v image_v pixel_y py img_y image_y y_pixel im_y y_px",
+    "col": "col column u image_u pixel_x px img_x image_x x_pixel im_x x_px spalte columna colonne colonna coluna",
+    "row": "row line v image_v pixel_y py img_y image_y y_pixel im_y y_px zeile fila ligne riga linha",
     "sigma": "sigma sigma_px accuracy_px",
 }
 # A standard error by its parts: "StdDev_N", "horizontal accuracy". Not "X error", which is a residual in files of Metashape.

@@ -36,8 +36,14 @@ def positive(tags: Mapping[str, str], name: str) -> float | None:
 
 def longitude_latitude(tags: Mapping[str, str]) -> tuple[float, float] | None:
     """Degrees, east and north positive; None when absent, out of range, or exactly zero (a receiver without a fix)."""
+    written = written_place(tags)
+    return on_earth(*written) if written else None
+
+
+def written_place(tags: Mapping[str, str]) -> tuple[float, float] | None:
+    """Longitude and latitude as they are written, in range or not; None when one is absent."""
     longitude, latitude = _degrees(tags, "GPSLongitude", "W"), _degrees(tags, "GPSLatitude", "S")
-    return None if longitude is None or latitude is None else on_earth(longitude, latitude)
+    return None if longitude is None or latitude is None else (longitude, latitude)
 
 
 def on_earth(longitude: float, latitude: float) -> tuple[float, float] | None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.errors import PhotoError
+from orthomill.schemas.errors import PhotoError, some_of
 from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.photo import Header, Photo, PhotoRemark, PhotoRemarkCode, Photos, Soundness, tag_text
 from orthomill.schemas.project import NoPositions, Positions, PositionsFromExif
@@ -36,7 +36,15 @@ from orthomill.tasks.photos.tags.factory_cameras import PictureFrame, factory_ca
 from orthomill.tasks.photos.tags.fixes import Sigma, fix_of, position_sigma
 from orthomill.tasks.photos.tags.flights import with_flights
 from orthomill.tasks.photos.tags.heights import height_of, with_one_sign
-from orthomill.tasks.photos.tags.instruments import band_of, serial_of, shared_equivalents, with_calibrations, with_serials, zoom_of
+from orthomill.tasks.photos.tags.instruments import (
+    band_of,
+    serial_of,
+    shared_equivalents,
+    with_calibrations,
+    with_serials,
+    without_contradicted,
+    zoom_of,
+)
 from orthomill.tasks.photos.tags.places import place_of
 from orthomill.tasks.photos.tags.remarks import SAME_SHAPE, file_remarks, tag_remarks
 from orthomill.tasks.photos.tags.times import with_one_clock
@@ -51,6 +59,7 @@ _STRAY_KM, _STRAY_SHARE = 1.0, 20.0
 # height they were taken; between a flight of metres and one for mapping from an airliner, whose frames are 20 km wide (m).
 _APART_BASES, _APART = 20.0, (1_000.0, 50_000.0)
 _SAMPLE = 200  # photographs by which the distance between neighbours is known well enough
+_ONE_COUNTRY = 10.0  # degrees; what lies farther apart is on no map of one block
 _FEWEST_TO_JUDGE = 3  # of two, either may be wrong
 
 
@@ -171,11 +180,12 @@ def index_photos(
     refuse_ambiguous([photo.name for photo in photos])
     photos, of_masks = with_masks(photos, masks)
     remarks += of_masks
-    photos = _with_sensors(with_calibrations(with_serials(shared_equivalents(photos))))
+    photos, contradicted = without_contradicted(shared_equivalents(photos))
+    photos = _with_sensors(with_calibrations(with_serials(photos)))
     photos = with_flights(with_one_clock(photos, headers))
     photos, about_heights = with_one_sign(photos)
     remarks += [*unusable, *damaged, *aside, *_rotated_without_flag(photos)]
-    remarks += [*_about_tags(headers, photos, positions), *about_heights]
+    remarks += [*_about_tags(headers, photos, positions), *about_heights, *contradicted]
     found = _placed(on_map(photos, crs), crs, positions, positions_text or "", _own_sigmas(headers))
     photos = found.photos
     refuse_unfit_map(photos, crs)
@@ -272,12 +282,29 @@ def _without_strays(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]
     # Across the date line the difference of two longitudes of neighbours is nearly 360 degrees.
     east = (degrees[:, 0] - middle[0] + 180.0) % 360.0 - 180.0
     km = _KM_PER_DEGREE * np.hypot(east * np.cos(np.radians(middle[1])), degrees[:, 1] - middle[1])
+    _refuse_two_places(tagged, degrees)
     far = km > max(_STRAY_KM, _STRAY_SHARE * float(np.median(km)))
     strays = {tagged[i].name: float(km[i]) for i in np.flatnonzero(far)} if 2 * far.sum() < len(tagged) else {}
     nowhere = {"longitude": None, "latitude": None}
     kept = [photo.model_copy(update=nowhere) if photo.name in strays else photo for photo in photos]
     return kept, (
         [PhotoRemark(code=PhotoRemarkCode.STRAY_POSITION, photos=tuple(strays), distance_km=min(strays.values()))] if strays else []
+    )
+
+
+def _refuse_two_places(tagged: list[Photo], degrees: np.ndarray) -> None:
+    """Raises PhotoError where as many photographs lie on one side of the Earth as on another, so that no map holds them."""
+    first = np.abs((degrees[:, 0] - degrees[0, 0] + 180.0) % 360.0 - 180.0) + np.abs(degrees[:, 1] - degrees[0, 1]) < _ONE_COUNTRY
+    if 2 * first.sum() != len(tagged):
+        return
+    places = [
+        f"{some_of([tagged[i].name for i in np.flatnonzero(own)], 4)} at longitude {degrees[own][0, 0]:.2f}, latitude "
+        f"{degrees[own][0, 1]:.2f}"
+        for own in (first, ~first)
+    ]
+    raise PhotoError(
+        f"The GPS tags put half of the photographs elsewhere: {places[0]}, and {places[1]}. East and west, or north and south, may "
+        "be exchanged in one half: give the positions in a file, or take one half out."
     )
 
 

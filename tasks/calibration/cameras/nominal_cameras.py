@@ -16,13 +16,10 @@ from orthomill.schemas.photo import FactoryCamera, Photo, Photos
 from orthomill.schemas.project import CameraGiven
 from orthomill.tasks.calibration.cameras.possible_cameras import camera_mistake
 from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, sensor_name, sensor_size, turned
+from orthomill.tasks.imagery.focal_length_constants import agrees_with_focal_length, constant_by_focal_length
 
-# EXIF holds the marked focal length, not the one at the focused distance; a 35 mm equivalent is rounded to whole millimetres.
-_SHARE_FROM_PIXEL, _SHARE_FROM_35MM, _SHARE_FROM_CUT = 0.02, 0.04, 0.1
-"""Relative standard error of a camera constant from a focal length and a pixel size, from a 35 mm equivalent, and from one of a
-frame that may have been cut from another"""
 _SHARE_CALIBRATED, _SHARE_DESIGN = 0.015, 0.03
-"""... from a calibration in the tags, and from the drawings of the lens"""
+"""Relative standard error of a camera constant from a calibration in the tags, and from the drawings of the lens"""
 # As large as the distortion of consumer lenses: a block must be able to move the coefficients from zero to there.
 _LENS_SIGMA = {"k1": 0.1, "k2": 0.1, "p1": 0.002, "p2": 0.002}
 # A factory measures one lens on one day, at one temperature and often without the frame's own focus: held, such a camera leaves
@@ -31,12 +28,6 @@ _CALIBRATED_SIGMA = {"k1": 0.05, "k2": 0.1, "k3": 0.1, "p1": 0.003, "p2": 0.003,
 _DEWARPED_SIGMA = {"k1": 0.01, "k2": 0.01, "p1": 0.001, "p2": 0.001}
 _PRINCIPAL_POINT_SHARE = 0.01
 """Standard error of the principal point as a share of the width."""
-_BELIEVED = 0.25
-"""A calibration whose constant differs by more than this part from what the focal length says is that of something else"""
-_WIDTH_35MM, _DIAGONAL_35MM = 36.0, 43.27
-"""mm: width and diagonal of a 35 mm film frame"""
-_WHOLE, _FILM = 1.42, 1.6
-"""Longer by shorter side up to which a frame is a whole sensor of 4:3 or 5:4, and up to which it is one of 3:2"""
 
 
 def nominal_constant(photo: Photo) -> tuple[float, float] | None:
@@ -46,7 +37,7 @@ def nominal_constant(photo: Photo) -> tuple[float, float] | None:
     """
     kind = constant_of_maker(photo)
     if photo.factory is None or kind is None:
-        return _by_pixel(photo) or _by_equivalent(photo)
+        return constant_by_focal_length(photo)
     c = photo.factory.c * photo.zoom
     return c, (_SHARE_CALIBRATED if kind == "calibrated" else _SHARE_DESIGN) * c
 
@@ -55,8 +46,8 @@ def constant_of_maker(photo: Photo) -> Literal["calibrated", "design"] | None:
     """Whether the camera constant is that of a calibration in the tags or of the lens's drawings; None: of neither."""
     if _calibration(photo) is not None:
         return "calibrated"
-    by_focal = _by_pixel(photo) or _by_equivalent(photo)
-    by_design = photo.factory and not (photo.focal_mm and photo.pixel_um) and _agrees(photo.factory.c * photo.zoom, by_focal)
+    measured = photo.focal_mm and photo.pixel_um
+    by_design = photo.factory and not measured and agrees_with_focal_length(photo.factory.c * photo.zoom, photo)
     return "design" if by_design else None
 
 
@@ -65,30 +56,7 @@ def _calibration(photo: Photo) -> FactoryCamera | None:
     factory = photo.factory
     if factory is None or factory.kind != "calibrated":
         return None
-    return factory if _agrees(factory.c * photo.zoom, _by_pixel(photo) or _by_equivalent(photo)) else None
-
-
-def _agrees(c: float, other: tuple[float, float] | None) -> bool:
-    return other is None or abs(c / other[0] - 1.0) < _BELIEVED
-
-
-def _by_pixel(photo: Photo) -> tuple[float, float] | None:
-    if not photo.focal_mm or not photo.pixel_um:
-        return None
-    c = 1000.0 * photo.focal_mm / photo.pixel_um * photo.zoom
-    return c, _SHARE_FROM_PIXEL * c
-
-
-def _by_equivalent(photo: Photo) -> tuple[float, float] | None:
-    """By the 35 mm equivalent: that of equal diagonals (CIPA DCG-001), of the whole frame, which a file of 16:9 may not be."""
-    if not photo.focal_35mm:
-        return None
-    longer, shorter = max(photo.width, photo.height), min(photo.width, photo.height)
-    if longer <= _WHOLE * shorter:
-        c, share = photo.focal_35mm / _DIAGONAL_35MM * float(np.hypot(longer, shorter)), _SHARE_FROM_35MM
-    else:
-        c, share = photo.focal_35mm / _WIDTH_35MM * longer, _SHARE_FROM_35MM if longer <= _FILM * shorter else _SHARE_FROM_CUT
-    return c, share * c
+    return factory if agrees_with_focal_length(factory.c * photo.zoom, photo) else None
 
 
 def nominal_camera(photo: Photo) -> Camera:

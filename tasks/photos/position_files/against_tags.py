@@ -15,7 +15,7 @@ from orthomill.tasks.geometry.coordinate_ranges import in_feet
 _ENOUGH = 3
 _HIGH = 30.0
 """m: above the sea, below which feet and metres are mistaken for each other by chance"""
-_BEYOND_GEOIDS = 120.0
+BEYOND_GEOIDS = 120.0
 """m: no geoid is so far from the ellipsoid"""
 _ELSEWHERE = 100.0
 """m in plan: no receiver in flight is so wrong"""
@@ -29,17 +29,23 @@ _ROW = 5
 """photographs that show it"""
 _OFF = 5.0
 """m in plan: receivers of drones are seldom farther off"""
+_STEP = 15.0
+"""m in height: receivers of one flight do not jump so against each other"""
+_PART = 2
+"""photographs whose heights are off by one amount together: a single one is an error of its own"""
 _BETTER = 4.0
 """times nearer to the tags, for which another order is the right one"""
 
 
 class OffTags(NamedTuple):
     """By how much (m, medians) positions are off the tags in plan, and above them; None: what receivers and surfaces explain;
-    `moved`: by how many photographs the positions have to be moved to fit the tags (0: they fit, or in no order)."""
+    `moved`: by how many photographs the positions have to be moved to fit the tags (0: they fit, or in no order); `stepped`: names
+    of the photographs whose heights are off the tags by another amount than those of the others, and by how much more, m."""
 
     plan: float | None = None
     above: float | None = None
     moved: int = 0
+    stepped: tuple[tuple[str, ...], float] | None = None
 
 
 NOTHING_TO_COMPARE = OffTags()
@@ -52,8 +58,9 @@ def off_tags(xyz: np.ndarray, tagged: list[Photo], tags: np.ndarray, system: str
     known = np.isfinite(heights) & np.isfinite(xyz[:, 2])
     placed = np.isfinite(tags).all(axis=1)
     above = _above(xyz[known, 2], heights[known]) if known.sum() >= _ENOUGH else None
+    stepped = _stepped(xyz[:, 2] - heights, [photo.name for photo in tagged])
     if placed.sum() < _ENOUGH:
-        return OffTags(None, above)
+        return OffTags(None, above, stepped=stepped)
     away = float(np.median(np.linalg.norm(xyz[placed, :2] - tags[placed], axis=1)))
     if away > _OTHER_SITE:
         raise WorkflowError(
@@ -61,7 +68,7 @@ def off_tags(xyz: np.ndarray, tagged: list[Photo], tags: np.ndarray, system: str
             "that they were taken: state what its coordinates are in (positions > crs), or give the file of this flight."
         )
     order = [i for i in np.argsort([photo.name for photo in tagged], kind="stable") if placed[i]]
-    return OffTags(away if away > _ELSEWHERE else None, above, _moved(xyz[order, :2], tags[order]))
+    return OffTags(away if away > _ELSEWHERE else None, above, _moved(xyz[order, :2], tags[order]), stepped)
 
 
 def _moved(xy: np.ndarray, tags: np.ndarray) -> int:
@@ -71,6 +78,22 @@ def _moved(xy: np.ndarray, tags: np.ndarray) -> int:
     away = {k: _away(xy[max(k, 0) : len(xy) + min(k, 0)], tags[max(-k, 0) : len(tags) - max(k, 0)]) for k in (0, *_SHIFTS)}
     best = min(_SHIFTS, key=away.__getitem__)
     return best if away[0] > _OFF and away[best] * _BETTER < away[0] else 0
+
+
+def _stepped(above: np.ndarray, names: list[str]) -> tuple[tuple[str, ...], float] | None:
+    """The photographs beyond the widest gap of what heights are `above` (N,) the tags, the fewer ones, and the step to them; None
+    where both parts are not alike within themselves, as heights in two systems or of two flights are."""
+    known = np.flatnonzero(np.isfinite(above))
+    order = known[np.argsort(above[known])]
+    if len(order) <= _ENOUGH:
+        return None
+    at = int(np.diff(above[order]).argmax()) + 1
+    low, high = order[:at], order[at:]
+    step = float(np.median(above[high]) - np.median(above[low]))
+    if min(len(low), len(high)) < _PART or step < _STEP or max(np.ptp(above[low]), np.ptp(above[high])) > step / 3.0:
+        return None
+    part = min(low, high, key=len)
+    return tuple(names[i] for i in sorted(part)), step if part is high else -step
 
 
 def _away(xy: np.ndarray, tags: np.ndarray) -> float:
@@ -84,4 +107,4 @@ def _above(z: np.ndarray, heights: np.ndarray) -> float | None:
             f"The heights of the positions file are 3.28 times those of the GPS tags ({np.median(z):.0f} for {middle:.0f} m): they "
             "are in feet. Say so in the name of their column, as altitude (ft), or convert them."
         )
-    return above if abs(above) > _BEYOND_GEOIDS else None
+    return above if abs(above) > _STEP else None

@@ -144,6 +144,7 @@ def _read(listed: PositionList, own: PositionList, placed: PlacedPositions, matc
         off_tags_m=placed.off_tags.plan,
         moved=placed.off_tags.moved,
         above_tags_m=placed.off_tags.above,
+        stepped=placed.off_tags.stepped,
         angles=listed.angles,
         antenna=listed.antenna,
     )

@@ -30,6 +30,10 @@ _GRAVE = (
     PhotoRemarkCode.NO_HEMISPHERE,
     PhotoRemarkCode.CUT,
     PhotoRemarkCode.DAMAGED_TAGS,
+    PhotoRemarkCode.FIX_CONTRADICTED,
+    PhotoRemarkCode.PLACE_IMPOSSIBLE,
+    PhotoRemarkCode.HEIGHT_KINDS_MIXED,
+    PhotoRemarkCode.FACTORY_CONTRADICTED,
 )
 # These say themselves that there are several cameras.
 _APART = (PhotoRemarkCode.DIGITAL_ZOOM, PhotoRemarkCode.SEVERAL_SERIALS)
@@ -93,10 +97,34 @@ _SENTENCES = {
     PhotoRemarkCode.DIGITAL_ZOOM: (
         "{count} ({names}) were enlarged in the camera by digital zoom ({words} times) and have a camera of their own."
     ),
+    PhotoRemarkCode.FIX_CONTRADICTED: (
+        "The tags of {count} ({names}) tell a fixed solution of carrier phases and standard errors of {words}, which contradict "
+        "each other: the standard errors were taken, as metres. If they are millimetres or wrong, state the true ones "
+        "(positions > sigma_plan, sigma_height)."
+    ),
+    PhotoRemarkCode.PLACE_IMPOSSIBLE: (
+        "The GPS tags of {count} ({names}) hold degrees that are nowhere on the Earth{words}: these positions are not used; give "
+        "them in a file."
+    ),
+    PhotoRemarkCode.SAME_PLACE: (
+        "By their GPS tags {count} ({names}) were taken at one and the same place, to the last digit: the receiver stood still, or "
+        "repeated its last position. If they were taken in flight, leave these positions out (a file of positions without them)."
+    ),
+    PhotoRemarkCode.HEIGHT_KINDS_MIXED: (
+        "The heights of the photographs refer to different surfaces ({words}), which may be tens of metres apart: bring them to "
+        "one of them in a file of positions, or give control points."
+    ),
+    PhotoRemarkCode.FACTORY_CONTRADICTED: (
+        "The calibration in the tags of {count} ({names}) contradicts their focal length ({words} px): the focal length is "
+        "used. Files that were reduced, and tags of another camera, look like that; if the camera is known, give it ('cameras')."
+    ),
     PhotoRemarkCode.SEVERAL_SERIALS: (
         "Cameras of one model have different serial numbers, and each has its own interior orientation: {names}."
     ),
 }
+
+_JOINED = {PhotoRemarkCode.FACTORY_CONTRADICTED: " and ", PhotoRemarkCode.FIX_CONTRADICTED: " and "}
+"""between the words of a remark"""
 
 
 def photos_report(
@@ -164,7 +192,7 @@ def remark_sentence(remark: PhotoRemark) -> str:
         )
     if remark.code in _SENTENCES:
         return _SENTENCES[remark.code].format(
-            names=some_of(remark.photos), count=_count(remark.photos), words=", ".join(remark.words)
+            names=some_of(remark.photos), count=_count(remark.photos), words=_JOINED.get(remark.code, ", ").join(remark.words)
         )
     if remark.code in SET_ASIDE:
         return set_aside_sentence(remark)

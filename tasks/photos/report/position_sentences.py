@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 
+from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.position_findings import HeightsOfPositions, PositionsRead
 from orthomill.schemas.photo import Photos
+from orthomill.tasks.photos.position_files.against_tags import BEYOND_GEOIDS
 
 _TOLD_BY = {
     "workflow": "as the workflow states",
@@ -28,7 +30,7 @@ def _sentences(photos: Photos) -> Iterator[tuple[str, bool]]:
     """Sentences about the positions, and whether they tell of an assumption."""
     if read := photos.positions_read:
         unconfirmed = read.matched != "name" and read.confirmed is None
-        off = read.rounded_m or read.heights_of_tags or read.off_tags_m or read.above_tags_m or read.moved
+        off = read.rounded_m or read.heights_of_tags or read.off_tags_m or read.above_tags_m or read.moved or read.stepped
         assumed = bool(read.exchanged or read.defaults or read.raised or off or unconfirmed or read.encoding == "Windows-1252")
         yield read_sentence(read), assumed
     if photos.heights and (sentence := heights_sentence(photos.heights)):
@@ -74,9 +76,19 @@ def _more(read: PositionsRead) -> Iterator[str]:
         )
     if read.above_tags_m:
         side = "above" if read.above_tags_m > 0 else "below"
+        by_geoid = abs(read.above_tags_m) < BEYOND_GEOIDS
+        why = (
+            "as heights above the sea and above the ellipsoid are apart: state which they are (positions > crs), if heights matter."
+            if by_geoid
+            else "more than any geoid explains: do they count from the place of take-off?"
+        )
+        yield f"Their heights are {abs(read.above_tags_m):.0f} m {side} those of the GPS tags, {why}"
+    if read.stepped:
+        names, step = read.stepped
+        side = "higher" if step > 0 else "lower"
         yield (
-            f"Their heights are {abs(read.above_tags_m):.0f} m {side} those of the GPS tags, more than any geoid explains: do they "
-            "count from the place of take-off?"
+            f"Against the GPS tags the heights of {some_of(names, 4)} are {abs(step):.0f} m {side} than "
+            "those of the others: are they of another flight, or of another height system?"
         )
     if read.without:
         yield f"{read.without} lines hold no position and were skipped."

@@ -4,7 +4,8 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 
-from orthomill.schemas.photo import FactoryCamera, Photo, tag_text
+from orthomill.schemas.photo import FactoryCamera, Photo, PhotoRemark, PhotoRemarkCode, tag_text
+from orthomill.tasks.imagery.focal_length_constants import agrees_with_focal_length, constant_by_focal_length
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.makers import maker_text
 
@@ -39,6 +40,24 @@ def band_of(tags: Mapping[str, str]) -> str | None:
     if not name and (wavelength := maker_text(tags, "CentralWavelength")) and "," not in wavelength:
         name = f"{wavelength} nm"
     return None if name.lower() in _COLOUR or "," in name else name[:_LONGEST_NAME]
+
+
+def without_contradicted(photos: list[Photo]) -> tuple[list[Photo], list[PhotoRemark]]:
+    """Photographs without calibrations in their tags that contradict the focal length beside them, as those of another size or
+    another lens do; and what is to be said."""
+    wrong = {photo.name: photo for photo in photos if _is_contradicted(photo)}
+    if not wrong:
+        return photos, []
+    first = next(iter(wrong.values()))
+    constants = first.factory.c * first.zoom if first.factory else 0.0, (constant_by_focal_length(first) or (0.0, 0.0))[0]
+    words = tuple(f"{c:.0f}" for c in constants)
+    kept = [photo.model_copy(update={"factory": None}) if photo.name in wrong else photo for photo in photos]
+    return kept, [PhotoRemark(code=PhotoRemarkCode.FACTORY_CONTRADICTED, photos=tuple(wrong), words=words)]
+
+
+def _is_contradicted(photo: Photo) -> bool:
+    factory = photo.factory
+    return factory is not None and factory.kind == "calibrated" and not agrees_with_focal_length(factory.c * photo.zoom, photo)
 
 
 def with_calibrations(photos: list[Photo]) -> list[Photo]:

@@ -14,6 +14,16 @@ from orthomill.tasks.photos.tags.instruments import several_serials
 
 _FOUND = {"fixed": "fixed", "float": "float", "single": "without corrections", "none": "without RTK", None: "of unknown precision"}
 _STATED = "of stated accuracy"
+_NO_FIX = 1.0
+"""m: no standard error of a fixed solution of carrier phases is as large"""
+_REPEATED = 3
+"""Photographs in one place to the last digit, which is no chance in flight"""
+_KINDS = {
+    "ellipsoidal": "above the ellipsoid",
+    "sea_level": "above the sea",
+    "barometric": "barometric",
+    "relative": "above the place of take-off",
+}
 ON_GROUND, IN_THE_AIR = 2.5, 15.0
 """m above the take-off: held in the hand or standing, with the noise of a barometer; and in flight"""
 SAME_SHAPE = 0.01
@@ -26,6 +36,8 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
         tags = {header.path: header.tags for header in headers}
         yield from _precision([photo for photo in photos if photo.position], tags, positions.sigma_plan is None)
         yield from _heights([photo for photo in photos if photo.altitude is not None], tags)
+        yield from _impossible(photos, tags)
+        yield from _same_place(photos)
     calibrated = [photo for photo in photos if photo.factory and photo.factory.kind == "calibrated"]
     yield from _of(PhotoRemarkCode.FACTORY_CAMERA, calibrated)
     yield from _of(PhotoRemarkCode.ON_THE_GROUND, _on_the_ground(photos))
@@ -92,6 +104,10 @@ def _precision(photos: list[Photo], tags: dict[str, dict[str, str]], own: bool) 
     if own and set(words) - {_FOUND["none"], _FOUND[None]}:
         count = Counter(words)
         yield from _of(PhotoRemarkCode.OWN_PRECISION, photos, (f"{count[word]} {word}" for word in dict.fromkeys(words)))
+    sigma = {photo.name: position_sigma(tags[photo.path]) for photo in photos if photo.fix == "fixed"}
+    contradicted = [photo for photo in photos if own and max(sigma.get(photo.name, (0.0,))) > _NO_FIX]
+    largest = [max(sigma[photo.name][i] for photo in contradicted) for i in (0, 2)] if contradicted else []
+    yield from _of(PhotoRemarkCode.FIX_CONTRADICTED, contradicted, (f"{value:g} m" for value in largest))
 
 
 def _found(photo: Photo, tags: dict[str, str]) -> str:
@@ -106,6 +122,28 @@ def _heights(photos: list[Photo], tags: dict[str, dict[str, str]]) -> Iterator[P
     for code, own in by_code.items():
         yield from _of(code, own)
     yield from _of(PhotoRemarkCode.RELATIVE_HEIGHTS, [photo for photo in photos if photo.height_kind == "relative"])
+    kinds = Counter(photo.height_kind for photo in photos if photo.height_kind and photo.position)
+    if len(kinds) > 1:
+        words = (f"{count} {_KINDS[kind]}" for kind, count in kinds.most_common())
+        yield from _of(PhotoRemarkCode.HEIGHT_KINDS_MIXED, [photo for photo in photos if photo.height_kind], words)
+
+
+def _impossible(photos: list[Photo], tags: dict[str, dict[str, str]]) -> Iterator[PhotoRemark]:
+    """Photographs whose degrees are out of range, and whether they would be in range exchanged."""
+    written = {photo.name: exif.written_place(tags[photo.path]) for photo in photos if photo.longitude is None}
+    places = {name: place for name, place in written.items() if place and (abs(place[0]) > 180 or abs(place[1]) > 90)}
+    exchanged = all(abs(longitude) <= 90 and abs(latitude) <= 180 for longitude, latitude in places.values())
+    words = [", with latitude and longitude exchanged"] if exchanged else []
+    yield from _of(PhotoRemarkCode.PLACE_IMPOSSIBLE, [photo for photo in photos if photo.name in places], words)
+
+
+def _same_place(photos: list[Photo]) -> Iterator[PhotoRemark]:
+    """Photographs that share their place to the last digit, in a flight from place to place."""
+    count = Counter((photo.longitude, photo.latitude) for photo in photos if photo.position)
+    if len(count) < _REPEATED:
+        return
+    repeated = [photo for photo in photos if count[photo.longitude, photo.latitude] >= _REPEATED]
+    yield from _of(PhotoRemarkCode.SAME_PLACE, repeated)
 
 
 def _of(code: PhotoRemarkCode, photos: list[Photo], words: Iterable[str] = ()) -> Iterator[PhotoRemark]:

@@ -288,12 +288,24 @@ def test_rounded_degrees_are_no_better_than_their_rounding(place, sigma):
 
 @pytest.mark.parametrize(
     ("moved", "said"),
-    [((0, 0, -300), "300 m below those of the GPS tags"), ((0, 500, 0), "500 m from where the GPS tags say"), ((0, 20, 50), "")],
+    [
+        ((0, 0, -300), "300 m below those of the GPS tags"),
+        ((0, 0, 47), "47 m above those of the GPS tags, as heights above the sea and above the ellipsoid are apart"),
+        ((0, 500, 0), "500 m from where the GPS tags say"),
+        ((0, 20, 10), ""),
+    ],
 )
 def test_what_tags_say_of_positions(moved, said):
     found = placed(lines(OWN_LINE, OWN, PLACES + moved), headers(gps=True))
     told = read_sentence(found.positions_read)
     assert said in told if said else "GPS tags" not in told
+
+
+def test_a_step_of_heights_against_the_tags_is_told():
+    other = np.zeros_like(PLACES)
+    other[-2:, 2] = -47.0
+    told = read_sentence(placed(lines(OWN_LINE, OWN, PLACES + other), headers(gps=True)).positions_read)
+    assert "the heights of DJI_0004, DJI_0005 are 47 m lower than those of the others" in told
 
 
 @pytest.mark.parametrize(("by", "said"), [(1, "a photograph later"), (-2, "2 photographs earlier"), (0, "")])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from orthomill.pipeline.storage.image_files import read_header
+from orthomill.schemas.errors import PhotoError
 from orthomill.schemas.findings.flight_findings import PositionsBeside
 from orthomill.schemas.photo import Header, PhotoRemarkCode, Photos
 from orthomill.schemas.project import PositionsFromExif
@@ -167,3 +168,46 @@ def test_a_first_look_tells_of_the_positions_of_a_file():
     # What the run refuses, it refuses itself.
     told = " ".join(first_look(headers, "EPSG:32632", PositionsBeside(path="rtk.csv", text="nothing")).findings)
     assert "in the tags of 3 of 3" in told
+
+
+def test_a_fixed_solution_with_the_standard_errors_of_none_is_told():
+    """RtkStd in millimetres, as some converters write them."""
+    photos = block(*(header(str(i), i, **dji(RtkFlag="50", RtkStdLon="11", RtkStdLat="12", RtkStdHgt="23")) for i in range(3)))
+    assert "standard errors of 11 m and 23 m, which contradict each other" in said(photos, PhotoRemarkCode.FIX_CONTRADICTED)
+    stated = block(*(header(str(i), i, **dji(RtkFlag="50", **RTK)) for i in range(3)))
+    assert PhotoRemarkCode.FIX_CONTRADICTED not in {remark.code for remark in stated.remarks}
+
+
+def test_exchanged_latitude_and_longitude_in_the_tags_are_told():
+    exchanged = header("0", GPSLatitude="(120) (0) (0)", GPSLongitude="(45) (0) (0)")
+    photos = block(exchanged, *(header(str(i), i) for i in range(1, 4)))
+    sentence = said(photos, PhotoRemarkCode.PLACE_IMPOSSIBLE)
+    assert "1 photograph (0) hold degrees that are nowhere on the Earth, with latitude and longitude exchanged" in sentence
+
+
+def test_a_receiver_that_repeats_its_last_position_is_told():
+    photos = block(*(header(str(i), min(i, 4)) for i in range(8)))
+    assert "4 photographs (4, 5, 6, 7) were taken at one and the same place" in said(photos, PhotoRemarkCode.SAME_PLACE)
+
+
+def test_heights_of_two_surfaces_in_one_flight_are_told():
+    kinds = ("RtkAlt", "RtkAlt", "PressureAlt")
+    photos = block(*(header(str(i), i, **dji(AltitudeType=kind)) for i, kind in enumerate(kinds)))
+    assert "(2 above the ellipsoid, 1 barometric)" in said(photos, PhotoRemarkCode.HEIGHT_KINDS_MIXED)
+
+
+def test_a_calibration_that_contradicts_the_focal_length_is_told_and_not_used():
+    dewarp = dji(DewarpData="2020-01-01;1000,1000,0,0,-0.1,0,0,0,0")
+    photos = block(*(header(str(i), i, **dewarp) for i in range(3)))
+    sentence = said(photos, PhotoRemarkCode.FACTORY_CONTRADICTED)
+    assert "contradicts their focal length (1000 and 2773 px): the focal length is used" in sentence
+    assert photos["0"].factory is None
+    assert PhotoRemarkCode.FACTORY_CAMERA not in {remark.code for remark in photos.remarks}
+
+
+def test_halves_on_two_sides_of_the_earth_are_refused_with_both_places():
+    other = [header(str(i), i, GPSLongitudeRef="W") for i in range(2, 4)]
+    with pytest.raises(PhotoError, match=r"0, 1 at longitude 9.00, latitude 45.00, and 2, 3 at longitude -9.00"):
+        block(header("0"), header("1", 1), *other)
+    with pytest.raises(PhotoError, match="East and west"):
+        first_look((header("0"), header("1", 1), *other), "EPSG:32632")
