@@ -11,7 +11,7 @@ CHECK = ("tasks/dsm_check", "tasks/matching", "tasks/geometry")
 SOLID = ("tasks/projection", "tasks/visibility", "tasks/imagery", "tasks/geometry")
 WATCHING = ("pipeline/watching", "pipeline/forecast")
 SERVING = ("pipeline/serving",)
-MARKING = ("tasks/marking", "tasks/adjustment", "tasks/geometry")
+MARKING = ("tasks/marking", "tasks/targets", "tasks/adjustment", "tasks/geometry")
 SHARED = "the shared data (ORTHOMILL_DATA)"
 RUN = "a finished run"
 
@@ -386,6 +386,9 @@ _ALL = (
     ),
     # marks in photographs
     Study("drawn_targets", "marking.drawn_targets", "how exact the centres of targets are", "seconds", MARKING, words="[EACH]"),
+    Study(
+        "careful_marks", "marking.careful_marks", "centres of real plates beside careful marks", "seconds", MARKING, needs=SHARED
+    ),
     Study(
         "coded_photographs",
         "marking.coded_photographs",
