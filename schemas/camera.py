@@ -122,7 +122,7 @@ class Camera(BaseModel):
     # The whole matrix: x0 and p2, y0 and p1, c and k1 compensate each other, so that propagating their standard errors alone would
     # misstate the errors of image rays.
     covariance: tuple[tuple[float, ...], ...] | None = None
-    """17 x 17 in the order of INTERIOR; zero rows for parameters that were fixed or that the lens lacks. None: not known."""
+    """17 x 17 in the order of INTERIOR; zero rows for parameters fixed beyond doubt or that the lens lacks. None: not known."""
 
     @model_validator(mode="before")
     @classmethod

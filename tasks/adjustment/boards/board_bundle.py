@@ -56,7 +56,8 @@ class BoardAdjustment:
     """The adjusted calibration. `used` (M,) marks the corners that took part; `residual` (M, 2) px, observed minus computed, is
     that of all; `standardised` (M, 2) is NaN for corners that took no part. `covariance` (n, n) of the unknowns in the order of
     the network's columns, sigma0 included; `sigma0` px; `iterations` of the robust and the first plain solution; `rounds` of
-    rejection after that; `correlated`: the factor in the covariance for corners that err together, 1 for independent ones."""
+    rejection after that; `correlated`: the factor in the covariance for corners that err together, 1 for independent ones;
+    `doubted` (17, 17): the covariance of the interior parameters with the doubt of the lens model; None: no such doubt."""
 
     network: BoardNetwork
     state: BoardState
@@ -70,22 +71,25 @@ class BoardAdjustment:
     iterations: int
     rounds: int = 0
     correlated: float = 1.0
+    doubted: np.ndarray | None = None
 
     def with_correlated_corners(self, factor: float) -> "BoardAdjustment":
         """With standard errors `factor` times as large, as corners of one photograph err together."""
         return replace(self, covariance=factor**2 * self.covariance, correlated=factor)
 
-    def with_doubt(self, doubt: np.ndarray) -> "BoardAdjustment":
-        """With another source of error (17, 17) in the covariance of the interior parameters, in the order of PARAMETERS."""
+    def with_interior_covariance(self, covariance: np.ndarray) -> "BoardAdjustment":
+        """With another covariance (17, 17) of the interior parameters in the order of PARAMETERS, those that are fixed included."""
         columns = self.network.interior_columns
         known = np.flatnonzero(columns >= 0)
-        covariance = self.covariance.copy()
-        covariance[np.ix_(columns[known], columns[known])] += doubt[np.ix_(known, known)]
-        return replace(self, covariance=covariance)
+        own = self.covariance.copy()
+        own[np.ix_(columns[known], columns[known])] = covariance[np.ix_(known, known)]
+        return replace(self, covariance=own, doubted=covariance)
 
     @property
     def interior_covariance(self) -> np.ndarray:
-        """(17, 17) in the order of PARAMETERS; zero rows for fixed parameters."""
+        """(17, 17) in the order of PARAMETERS; zero rows for parameters that are fixed beyond doubt."""
+        if self.doubted is not None:
+            return self.doubted
         columns = self.network.interior_columns
         known = np.flatnonzero(columns >= 0)
         out = np.zeros((len(PARAMETERS), len(PARAMETERS)))

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from board_corners import easy_calibration
 
+from orthomill.tasks.adjustment.boards.board_network import PARAMETERS
 from orthomill.tasks.calibration.solving.lens_doubt import doubted
-from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, LensModel
+from orthomill.tasks.calibration.solving.lens_models import MODELS, WIDE_MODELS, LensModel, in_model
 from orthomill.tasks.calibration.solving.model_choice import HeldOut, Judged, as_good, choice
+from orthomill.tasks.calibration.solving.solving import solve
 
 NOTHING = np.zeros(17)
 
@@ -80,3 +82,31 @@ def test_a_model_says_of_a_parameter_as_much_as_it_determines_it():
     chosen, wide = LensModel("brown", result.network.free), LensModel("fisheye", ("c", "x0", "y0", "k1"))
     both = doubted({chosen: Judged(result, check(0.2)), wide: Judged(loose, check(0.2))}, chosen)
     assert both.interior_covariance[0, 0] == pytest.approx(result.interior_covariance[0, 0] + 0.5 * 4.0**2)
+
+
+def test_parameters_that_the_lens_lacks_are_as_uncertain_as_its_rivals_say():
+    """Five parameters against eight that held-out photographs cannot tell from them: the true decentring lies within its doubt."""
+    target, full = easy_calibration()
+    start = in_model(full.state, full.corners, MODELS[0])
+    plain = solve(target, (start,), full.corners, MODELS[0].free)
+    alike = {MODELS[0]: Judged(plain, check(0.2)), MODELS[3]: Judged(full, check(0.2))}
+    sigma = np.sqrt(np.diag(doubted(alike, MODELS[0]).interior_covariance))
+    p1, p2 = PARAMETERS.index("p1"), PARAMETERS.index("p2")
+    assert sigma[p1] == pytest.approx(np.sqrt(0.5) * abs(full.state.interior[p1]), rel=0.2)
+    assert sigma[p2] == pytest.approx(np.sqrt(0.5) * abs(full.state.interior[p2]), rel=0.2)
+    unknown = {model: replace(one, check=None) for model, one in alike.items()}
+    assert np.sqrt(doubted(unknown, MODELS[0]).interior_covariance[p1, p1]) == pytest.approx(sigma[p1]), "nobody held any out"
+    known = {**alike, MODELS[3]: Judged(full, check(0.5))}
+    assert not doubted(known, MODELS[0]).interior_covariance[p1].any(), "held-out photographs deny decentring"
+
+
+def test_what_lenses_are_bounds_the_doubt_of_what_boards_hardly_show():
+    """Eight parameters with corners that tell nothing of k3: its doubt is that of any lens, 0.3."""
+    _, full = easy_calibration()
+    k3, small = PARAMETERS.index("k3"), LensModel("brown", MODELS[1].free)
+    covariance = full.interior_covariance.copy()
+    covariance[k3], covariance[:, k3] = 0.0, 0.0
+    covariance[k3, k3] = 1e4
+    loose = full.with_interior_covariance(covariance)
+    both = doubted({small: Judged(full, check(0.2)), MODELS[3]: Judged(loose, check(0.2))}, small)
+    assert np.sqrt(2.0 * both.interior_covariance[k3, k3]) == pytest.approx(0.3, rel=0.5)
