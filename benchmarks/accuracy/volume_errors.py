@@ -3,6 +3,7 @@
 The error of a height is known in every cell (surface minus truth), and a volume is linear in heights: its error is the volume of
 that difference. Polygons are stars of eight corners, of five sizes; those of the first rows have no estimated cell. What the
 orientations do to heights is known as well, from the true block: one draw of a level, of leans and bends, however many polygons.
+Large polygons overlap: as many of them are independent as find room beside each other, and of so few shares scatter.
 """
 
 import math
@@ -13,6 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.stats import binom
 
 from benchmarks.accuracy.true_errors import errors_of
 from benchmarks.instrument.result_page import write_page
@@ -162,14 +164,24 @@ def modes_of(town: Town, lattice: DatumLattice | None) -> str:
     return f"The datum's error by modes, in their standard errors (rms over the block): {', '.join(found)}."
 
 
-def row_of(name: str, area: float, found: list[Found]) -> str:
-    """A line of the table."""
+def independent(town: Town, area: float) -> int:
+    """How many polygons of this area find room beside each other on the ground of a town, COUNT at most."""
+    ground = int(np.isfinite(town.wrong).sum()) * town.grid.cell**2
+    return min(COUNT, max(1, int(ground / area)))
+
+
+def row_of(name: str, area: float, room: int, found: list[Found]) -> str:
+    """A line of the table; beside each share the range of 95 of 100 such shares of `room` normal errors."""
     if len(found) < COUNT // 4:
-        return f"| {name} | {area:g} | {len(found)} | too few such places | | | |"
+        return f"| {name} | {area:g} | {len(found)} | | too few such places | | | |"
     ratios = np.array([one.ratio for one in found])
     rms = 1000 * math.sqrt(float(np.mean([one.height**2 for one in found])))
-    one, two = (100 * (ratios <= k).mean() for k in (1, 2))
-    return f"| {name} | {area:g} | {len(found)} | {rms:.0f} | {math.sqrt((ratios**2).mean()):.2f} | {one:.0f} | {two:.0f} |"
+    shares = " | ".join(
+        f"{100 * (ratios <= k).mean():.0f} ({100 * low / room:.0f} to {100 * high / room:.0f})"
+        for k in (1, 2)
+        for low, high in [binom.interval(0.95, room, math.erf(k / math.sqrt(2)))]
+    )
+    return f"| {name} | {area:g} | {len(found)} | {room} | {rms:.0f} | {math.sqrt((ratios**2).mean()):.2f} | {shares} |"
 
 
 _KINDS = (
@@ -177,7 +189,9 @@ _KINDS = (
     Kind("measured, above a level, the block's level known", known="level"),
     Kind("measured, above a level, the datum known everywhere", known="datum"),
     Kind("measured, above the border's plane", border=True),
+    Kind("measured, above the border's plane, the datum known everywhere", border=True, known="datum"),
     Kind("anywhere, above a level", only_measured=False),
+    Kind("anywhere, above a level, the datum known everywhere", only_measured=False, known="datum"),
 )
 _AS_EVERYBODY = Kind("measured, above the border's plane, cells as if independent", border=True)
 
@@ -190,13 +204,17 @@ def main(words: list[str]) -> None:
         town = town_of(run)
         known = surface_correlation(town)
         lines += [f"## {Path(run).name}", "", correlation_words(known), "", modes_of(town, known.datum), ""]
-        lines += ["| polygons | area m2 | number | rms mean height error mm | rms error / sigma | within 1 (%) | within 2 (%) |"]
-        lines += ["| --- | --- | --- | --- | --- | --- | --- |"]
+        head = ("polygons", "area m2", "number", "independent", "rms mean height error mm", "rms error / sigma")
+        lines += [f"| {' | '.join((*head, 'within 1 (%)', 'within 2 (%)'))} |", "| --- " * 8 + "|"]
         for kind in _KINDS:
-            lines += [row_of(kind.name, area, sampled(town, area, kind, known)) for area in AREAS if area <= most]
-        lines += [row_of(_AS_EVERYBODY.name, 1000.0, sampled(town, 1000.0, _AS_EVERYBODY, _ALONE)), ""]
+            for area in (area for area in AREAS if area <= most):
+                lines += [row_of(kind.name, area, independent(town, area), sampled(town, area, kind, known))]
+        alone = sampled(town, 1000.0, _AS_EVERYBODY, _ALONE)
+        lines += [row_of(_AS_EVERYBODY.name, 1000.0, independent(town, 1000.0), alone), ""]
     lines += [
         "Errors of a volume divided by the standard error that is stated for it; of normal errors 68 and 95 % lie within 1 and 2.",
+        "Independent: how many polygons of this size find room beside each other; in brackets the range in which 95 of 100 such",
+        "shares lie, were errors normal and the stated standard errors true.",
         "Above a level the datum of the one block counts in every row: one draw of its level, leans and bends, not many. The level",
         "of the block, and the datum of every cell, are taken out of errors by the true orientations, and out of promises by the",
         "block's covariances, where they are known. Modes: the datum's error at the places of the lattice by its principal parts,",

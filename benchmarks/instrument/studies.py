@@ -294,11 +294,11 @@ _ALL = (
     Study(
         "chosen_halves",
         "calibration.chosen_halves",
-        "halves of sets of boards, each with the lens it chooses, in their stated standard errors",
+        "cameras whose lens was chosen, in their standard errors: halves of sets of boards, simulated boards",
         "minutes",
         BOARDS,
         "folders of photographs",
-        "FOLDER:COLUMNSxROWS ...",
+        "[SEEDS] FOLDER:COLUMNSxROWS ...",
     ),
     Study(
         "published_calibrations",
