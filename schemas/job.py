@@ -101,6 +101,15 @@ class MeshFile:
 
 
 @dataclass(frozen=True)
+class CloudFile:
+    """A point cloud (LAS, LAZ); arrives as an `orthomill.schemas.solid.cloud_points.CloudPoints`: metres in `crs`, heights in its
+    vertical system where both name one. A file that names no system is taken to be in `crs`."""
+
+    path: str
+    crs: str
+
+
+@dataclass(frozen=True)
 class AreaFile:
     """Polygons (GeoPackage, GeoJSON); arrives as an `orthomill.schemas.maps.wanted_area.WantedArea` in `crs`."""
 
@@ -134,7 +143,17 @@ class HeightHeader:
 
 
 FileRegion = (
-    PhotoPixels | PhotoHeader | PhotoPicture | TextFile | MapFile | MapHeader | HeightFile | HeightHeader | MeshFile | AreaFile
+    PhotoPixels
+    | PhotoHeader
+    | PhotoPicture
+    | TextFile
+    | MapFile
+    | MapHeader
+    | HeightFile
+    | HeightHeader
+    | MeshFile
+    | CloudFile
+    | AreaFile
 )
 """What is read from a file outside the store: one of the user's, or one that a job exports."""
 Region = Raster | Table | FileRegion

@@ -25,6 +25,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, StoreError
 from orthomill.schemas.job import (
     AreaFile,
+    CloudFile,
     Export,
     FileRegion,
     HeightFile,
@@ -224,6 +225,11 @@ def read_file(root: Path, region: FileRegion) -> Any:
         return read_map(root / region.path, region)
     if isinstance(region, MeshFile):
         return read_mesh(root / region.path)
+    if isinstance(region, CloudFile):
+        # Read where it is asked for, as outlines are: laspy and pyproj take time to load.
+        from orthomill.pipeline.storage.cloud_files import read_cloud
+
+        return read_cloud(root / region.path, region.crs)
     if isinstance(region, AreaFile):
         # Read where it is asked for: few workflows have one, and sqlite and pyproj take time to load.
         from orthomill.pipeline.storage.features.outline_files import read_wanted_area

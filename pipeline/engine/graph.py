@@ -16,6 +16,7 @@ from orthomill.pipeline.records.records import Fingerprint, Key
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 from orthomill.schemas.job import (
+    CloudFile,
     Export,
     FileRegion,
     HeightFile,
@@ -162,7 +163,7 @@ class Graph:
         if isinstance(region, HeightFile):
             # A point cloud holds some points for every cell while they are sorted.
             return 64 * region.window.cells
-        if isinstance(region, MeshFile):
+        if isinstance(region, MeshFile | CloudFile):
             # The text or the arrays of the file, and the arrays made from them.
             file = self.root / region.path
             return 3 * file.stat().st_size if file.exists() else 0

@@ -18,6 +18,7 @@ import numpy as np
 
 from orthomill.schemas.job import (
     AreaFile,
+    CloudFile,
     HeightHeader,
     Job,
     MapHeader,
@@ -34,6 +35,7 @@ from orthomill.schemas.job import (
 from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.photo import Header, Soundness
 from orthomill.schemas.raster import MapGrid
+from orthomill.schemas.solid.cloud_points import CloudPoints
 from orthomill.schemas.solid.mesh import TriangleMesh
 
 _HELD = {
@@ -43,6 +45,7 @@ _HELD = {
     MapHeader: MapGrid,
     HeightHeader: MapGrid,
     MeshFile: TriangleMesh,
+    CloudFile: CloudPoints,
     AreaFile: WantedArea,
 }
 

@@ -70,7 +70,7 @@ def in_metres(values: np.ndarray, x: np.ndarray, y: np.ndarray, system: HeightSy
     Raises WorkflowError where the transformation needs a grid that this machine does not have.
     """
     target = CRS.from_user_input(crs)
-    if system.vertical is None or _vertical(target) is None or system.vertical == _vertical(target):
+    if _are_alike(system, target):
         return (values * np.float32(system.unit)).astype(np.float32) if system.unit != 1.0 else values
     # The offset at the places of a lattice, bilinear between them.
     u, v = (np.linspace(a[0], a[-1], min(_LATTICE, len(a))) for a in (x, y))
@@ -78,6 +78,17 @@ def in_metres(values: np.ndarray, x: np.ndarray, y: np.ndarray, system: HeightSy
     zero = vertical_shift(at_x.ravel(), at_y.ravel(), system, target, where).reshape(at_x.shape)
     offset = _between(zero, u, v, x, y)
     return (values * system.unit + offset).astype(np.float32)
+
+
+def heights_in_metres(z: np.ndarray, x: np.ndarray, y: np.ndarray, system: HeightSystem, crs: str, where: str) -> np.ndarray:
+    """Heights (N,) of a file at points x, y (N,) (m in `crs`) as heights of `crs`, float64 m. Raises as `in_metres` does."""
+    target = CRS.from_user_input(crs)
+    return z * system.unit + (0.0 if _are_alike(system, target) else vertical_shift(x, y, system, target, where))
+
+
+def _are_alike(system: HeightSystem, target: CRS) -> bool:
+    """Whether heights differ by their unit alone, as far as anybody can know."""
+    return system.vertical is None or _vertical(target) is None or system.vertical == _vertical(target)
 
 
 def vertical_shift(x: np.ndarray, y: np.ndarray, system: HeightSystem, target: CRS, where: str) -> np.ndarray:

@@ -39,14 +39,14 @@ def is_point_file(path: Path) -> bool:
 
 def points_system(path: Path, system: str | None) -> HeightSystem:
     """The reference system of a point cloud; `system`: where the file names none. Raises WorkflowError."""
-    with _opened(path) as file:
-        return _system(file, path, system)
+    with opened_points(path) as file:
+        return system_of(file, path, system)
 
 
 def points_grid(path: Path, crs: str, system: str | None) -> MapGrid:
     """The bounds of a point cloud in `crs`, in cells of the usual distance of its points. Raises WorkflowError."""
-    with _opened(path) as file:
-        own, header = _system(file, path, system).plan, file.header
+    with opened_points(path) as file:
+        own, header = system_of(file, path, system).plan, file.header
         (west, south, _), (east, north, _) = header.mins, header.maxs
     change = Transformer.from_crs(own, horizontal(CRS.from_user_input(crs)), always_xy=True)
     west, south, east, north = change.transform_bounds(west, south, east, north)
@@ -68,8 +68,8 @@ def read_points(path: Path, region: HeightFile) -> np.ndarray:
 
 def _near(path: Path, region: HeightFile, window: Window) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Numbers of cells of the window, row by row, and heights of the points above them, piece by piece."""
-    with _opened(path) as file:
-        own = _system(file, path, region.system).plan
+    with opened_points(path) as file:
+        own = system_of(file, path, region.system).plan
         target = horizontal(CRS.from_user_input(region.crs))
         change = None if own == target else Transformer.from_crs(own, target, always_xy=True)
         try:
@@ -88,10 +88,16 @@ def _cells_of(
     col, row = grid.pixel(np.asarray(x), np.asarray(y))
     col, row = np.rint(col) - window.col, np.rint(row) - window.row
     good = (col >= 0) & (row >= 0) & (col < window.width) & (row < window.height)
-    good &= ~np.isin(np.asarray(points.classification), _NOISE)
-    if "withheld" in points.point_format.dimension_names:
-        good &= np.asarray(points.withheld) == 0
+    good &= is_wanted(points)
     return (row[good].astype(np.int64) * window.width + col[good].astype(np.int64)), np.asarray(points.z)[good].astype(np.float32)
+
+
+def is_wanted(points: laspy.ScaleAwarePointRecord) -> np.ndarray:
+    """(N,) bool: what is neither noise nor withheld."""
+    wanted = ~np.isin(np.asarray(points.classification), _NOISE)
+    if "withheld" in points.point_format.dimension_names:
+        wanted &= np.asarray(points.withheld) == 0
+    return wanted
 
 
 def _gridded(cells: np.ndarray, z: np.ndarray, shape: tuple[int, int], cell: float) -> np.ndarray:
@@ -127,7 +133,8 @@ def _closed(heights: np.ndarray) -> np.ndarray:
     return np.where(gap, total / np.maximum(weight, 1e-9), heights).astype(np.float32)
 
 
-def _opened(path: Path) -> laspy.LasReader:
+def opened_points(path: Path) -> laspy.LasReader:
+    """A point cloud, to be closed. Raises WorkflowError for a file that is none."""
     try:
         return laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
     except (OSError, LaspyException, LazrsError, ValueError) as error:
@@ -135,7 +142,8 @@ def _opened(path: Path) -> laspy.LasReader:
         raise WorkflowError(f"{path} is not a LAS or LAZ file that can be read ({reason}); export the points again.") from None
 
 
-def _system(file: laspy.LasReader, path: Path, system: str | None) -> HeightSystem:
+def system_of(file: laspy.LasReader, path: Path, system: str | None) -> HeightSystem:
+    """The reference system of an open point cloud; `system`: where it names none. Raises WorkflowError."""
     try:
         crs = file.header.parse_crs()
     except CRSError:

@@ -11,6 +11,7 @@ import numpy as np
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Columns
+from orthomill.schemas.solid.cloud_points import CloudPoints
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.survey_files.sniffed_table import Lines, lines_of, separation
 from orthomill.schemas.survey_files.table_heads import Numbered, possible_heads
@@ -50,8 +51,13 @@ def points_of_table(text: str, path: str, sigma: float) -> ReferencePoints:
     return ReferencePoints(x, y, z, own)
 
 
-def points_of_cloud(cloud: TriangleMesh, sigma: float) -> ReferencePoints:
-    """The points of a point cloud, all with the standard error `sigma`, m."""
+def points_of_cloud(cloud: CloudPoints, sigma: float) -> ReferencePoints:
+    """The points of a point cloud; `sigma` (m) where it states none."""
+    return ReferencePoints(cloud.x, cloud.y, cloud.z, np.where(np.isfinite(cloud.sigma), cloud.sigma, sigma))
+
+
+def points_of_mesh(cloud: TriangleMesh, sigma: float) -> ReferencePoints:
+    """The vertices of a mesh in the project's system, all with the standard error `sigma`, m."""
     x, y, z = (cloud.vertices + np.array(cloud.origin)).astype(np.float64).T.copy()
     return ReferencePoints(x, y, z, np.full(len(x), sigma))
 

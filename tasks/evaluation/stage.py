@@ -22,12 +22,15 @@ class FileReference(Settings):
     """Georeferenced raster files or points from another source."""
 
     kind: Literal["file"]
-    dsm: ProjectMap | None = setting(None, "Raster file with heights, relative to the project's root.")
+    dsm: ProjectMap | None = setting(
+        None, "Raster file with heights, relative to the project's root; in metres or in what its system or its band says."
+    )
     ortho: ProjectMap | None = setting(None, "RGB raster file, relative to the project's root.")
     points: ProjectPath | None = setting(
         None,
-        "Points of known height in the project's system: a table with x, y, z and, where it is known, sigma_z (CSV, text), or a "
-        "point cloud (LAZ, LAS, PLY), relative to the project's root.",
+        "Points of known height, relative to the project's root: a table with x, y, z in the project's system and, where it is "
+        "known, sigma_z (CSV, text), a point cloud in any system that it names, with an attribute sigma_z where there is one (LAZ, "
+        "LAS), or vertices in the project's system (PLY).",
     )
     sigma: float = setting(
         0.0,

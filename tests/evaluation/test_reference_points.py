@@ -5,10 +5,11 @@ import pytest
 
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
+from orthomill.schemas.solid.cloud_points import CloudPoints
 from orthomill.schemas.solid.mesh import TriangleMesh
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.evaluation.point_accuracy import HALO, PointDifferences, PointTile, points_in_tile, summarise_points
-from orthomill.tasks.evaluation.reference_points import ReferencePoints, points_of_cloud, points_of_table
+from orthomill.tasks.evaluation.reference_points import ReferencePoints, points_of_cloud, points_of_mesh, points_of_table
 from orthomill.tasks.evaluation.report.points_section import points_section
 
 GRID = MapGrid(west=100.0, north=200.0, cell=2.0, rows=30, cols=40)
@@ -39,10 +40,15 @@ def test_a_text_without_points_is_refused(text):
         points_of_table("x,y,z,sigma_z\n1,2,3,-0.1\n", "points.csv", 0.1)
 
 
-def test_clouds_have_one_standard_error():
+def test_vertices_have_one_standard_error():
     cloud = TriangleMesh(np.array([[1.0, 2.0, 3.0]], np.float32), np.empty((0, 3), np.int32), origin=(100.0, 100.0, 0.0))
-    found = points_of_cloud(cloud, 0.15)
+    found = points_of_mesh(cloud, 0.15)
     assert (found.x[0], found.y[0], found.z[0], found.sigma[0]) == (101.0, 102.0, 3.0, 0.15)
+
+
+def test_points_of_clouds_have_the_standard_errors_that_their_file_states():
+    one = np.array([1.0, 2.0])
+    assert points_of_cloud(CloudPoints(one, one, one, np.array([0.04, np.nan])), 0.15).sigma.tolist() == [0.04, 0.15]
 
 
 def plane(x, y):

@@ -18,7 +18,7 @@ from orthomill.tasks.evaluation.plan.ground_comparison_jobs import GROUND_SUMMAR
 from orthomill.tasks.evaluation.plan.height_comparison_jobs import height_job, height_results, judge_check
 from orthomill.tasks.evaluation.plan.judged_product import DIFFERENCES, JudgedProduct, Reads
 from orthomill.tasks.evaluation.plan.orthoimage_comparison_jobs import FIT, difference_raster, ortho_job, sums_job
-from orthomill.tasks.evaluation.plan.point_comparison_jobs import POINTS_SUMMARY, point_jobs
+from orthomill.tasks.evaluation.plan.point_comparison_jobs import POINTS_SUMMARY, PointsFile, point_jobs
 from orthomill.tasks.evaluation.report.evaluation_report import EvaluationFacts, evaluation_report
 from orthomill.tasks.evaluation.report.orthoimage_section import ORTHO_DIFFERENCE
 from orthomill.tasks.evaluation.stage import EvaluationStage, FileReference
@@ -110,7 +110,8 @@ def _points(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table]) 
         return
     parts["points"] = POINTS_SUMMARY
     source = CORRECTED if view.has_stage("dsm_check") else HEIGHT
-    yield from point_jobs(reference.points, reference.sigma, source, view.table(SURFACE).grid, view.project.tile)
+    file = PointsFile(reference.points, view.project.crs, reference.sigma)
+    yield from point_jobs(file, source, view.table(SURFACE).grid, view.project.tile)
 
 
 def _terrain(asked: EvaluationStage, view: ProjectView, parts: dict[str, Table]) -> Iterator[Job]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.job import Job, MapFile, Raster, Table
+from orthomill.schemas.job import HeightFile, Job, Raster, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.raster import Tile, tiles_of
 from orthomill.schemas.surface import CHECKED_CODE, PRECISION, PROVENANCE, RELATIVE_PRECISION
@@ -54,7 +54,7 @@ def height_job(judged: JudgedProduct, item: str, source: str, t: Tile, writes: d
     own = {"height": source, "precision": PRECISION, "provenance": PROVENANCE}
     reads: Reads = {key: Raster(name, t.window) for key, name in own.items()}
     if isinstance(judged.reference, str):
-        reads["reference"] = MapFile(judged.reference, judged.crs, judged.grid, t.window)
+        reads["reference"] = HeightFile(judged.reference, judged.crs, judged.grid, t.window)
         return Job(
             stage="evaluation",
             item=item,

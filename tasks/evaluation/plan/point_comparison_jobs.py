@@ -1,9 +1,10 @@
 """The jobs that compare heights with points of known height, from a table or a point cloud."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import PurePath
 
-from orthomill.schemas.job import Job, MeshFile, Raster, Reading, Table, TextFile
+from orthomill.schemas.job import CloudFile, Job, MeshFile, Raster, Reading, Table, TextFile
 from orthomill.schemas.raster import MapGrid, tiles_of
 from orthomill.schemas.surface import PRECISION, PROVENANCE
 from orthomill.tasks.evaluation.point_accuracy import (
@@ -14,16 +15,25 @@ from orthomill.tasks.evaluation.point_accuracy import (
     points_in_tile,
     summarise_points,
 )
-from orthomill.tasks.evaluation.reference_points import ReferencePoints, points_of_cloud, points_of_table
+from orthomill.tasks.evaluation.reference_points import ReferencePoints, points_of_cloud, points_of_mesh, points_of_table
 
 POINTS = Table("evaluation/reference_points.parquet", ReferencePoints)
 POINTS_SUMMARY = Table("evaluation/points.json", PointsSummary)
-_CLOUDS = (".las", ".laz", ".ply")
+_READERS: dict[str, Callable[..., ReferencePoints]] = {".las": points_of_cloud, ".laz": points_of_cloud, ".ply": points_of_mesh}
 
 
-def point_jobs(path: str, sigma: float, source: str, grid: MapGrid, tile: int) -> Iterator[Job]:
-    """The heights `source` on `grid`, in tiles of `tile` cells, at the points of a file of the project."""
-    yield _reading(path, sigma)
+@dataclass(frozen=True)
+class PointsFile:
+    """A file of the project with points: its path, the project's system, and the standard error (m) where the file states none."""
+
+    path: str
+    crs: str
+    sigma: float
+
+
+def point_jobs(file: PointsFile, source: str, grid: MapGrid, tile: int) -> Iterator[Job]:
+    """The heights `source` on `grid`, in tiles of `tile` cells, at the points of a file."""
+    yield _reading(file)
     results = []
     for t in tiles_of(grid.shape, tile):
         window = t.window.grown(HALO).clipped(grid.shape)
@@ -51,21 +61,23 @@ def point_jobs(path: str, sigma: float, source: str, grid: MapGrid, tile: int) -
     )
 
 
-def _reading(path: str, sigma: float) -> Job:
-    if PurePath(path).suffix.lower() in _CLOUDS:
+def _reading(file: PointsFile) -> Job:
+    suffix = PurePath(file.path).suffix.lower()
+    if suffix in _READERS:
+        cloud = MeshFile(file.path) if suffix == ".ply" else CloudFile(file.path, file.crs)
         return Job(
             stage="evaluation",
             item="reference_points",
-            function=points_of_cloud,
-            reads={"cloud": MeshFile(path)},
+            function=_READERS[suffix],
+            reads={"cloud": cloud},
             writes={"points": POINTS},
-            params={"sigma": sigma},
+            params={"sigma": file.sigma},
         )
     return Job(
         stage="evaluation",
         item="reference_points",
         function=points_of_table,
-        reads={"text": TextFile(path)},
+        reads={"text": TextFile(file.path)},
         writes={"points": POINTS},
-        params={"path": path, "sigma": sigma},
+        params={"path": file.path, "sigma": file.sigma},
     )
