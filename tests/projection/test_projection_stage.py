@@ -241,6 +241,14 @@ def test_an_oblique_picture_shows_what_oblique_rays_meet_and_one_photograph_only
     assert (alone[..., 3] > 0).sum() < (blended[..., 3] > 0).sum(), "holes where it sees nothing"
 
 
+def test_holes_of_a_photograph_that_was_asked_for_alone_are_no_doubt():
+    project = scene.project_of(MemoryProject)
+    outputs = [{**FRONT, "pixel": 0.1}, {**FRONT, "name": "alone", "only": "b", "pixel": 0.1}]
+    project.run(stage(outputs=outputs, leave_one_out={"kind": "none"}))
+    report = project.tables["projection/report.json"]
+    assert "'front'" in report.verdict.sentence and not any("alone" in one for one in (*report.warnings, *report.losses))
+
+
 def test_inward_faces_are_turned_and_a_way_that_is_set_is_kept():
     project = scene.project_of(MemoryProject)
     mesh = project.files["mesh.ply"]

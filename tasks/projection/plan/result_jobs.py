@@ -102,7 +102,15 @@ def _facts(output: OutputJobs) -> OutputFacts:
         pixel=output.pixel,
         before=degrees_before(frame.frame, centres),
         cut=not isinstance(frame.section, NoSection),
+        only=_only(output),
     )
+
+
+def _only(output: OutputJobs) -> str | None:
+    """The one photograph that an orthoimage shows because the others were left out of it; None: all of them."""
+    frame = output.frame.frame
+    shown = [name for name in output.basis.block.names if name not in frame.without]
+    return shown[0] if isinstance(frame, FlatFrame) and frame.without and len(shown) == 1 else None
 
 
 def product_exports(outputs: list[OutputJobs]) -> Iterator[Export]:

@@ -23,6 +23,10 @@ def output_doubts(census: MeshCensus, totals: Sequence[OutputTotals]) -> Iterato
                 f"{100 * total.sum('backs') / surface:.0f} % of the surface in '{total.name}' shows its back, which nothing is "
                 "painted on: it is seen from inside or from behind. Move the position or turn the plane round."
             )
+        elif total.facts.only:
+            # Holes were asked for: they are what such an orthoimage is to show.
+            if not total.coloured:
+                yield f"{total.facts.only} sees nothing of the surface in '{total.name}', which is empty. Name another photograph."
         elif total.coloured < _LITTLE:
             yield _uncoloured(total)
 

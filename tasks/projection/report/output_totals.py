@@ -19,6 +19,8 @@ class OutputFacts:
     """by how many degrees photographs stand before its plane at most"""
     cut: bool = False
     """whether a section cuts the surface"""
+    only: str | None = None
+    """the one photograph that it is to show, with holes where that sees nothing"""
 
 
 @dataclass(frozen=True, eq=False)

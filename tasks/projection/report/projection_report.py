@@ -99,7 +99,9 @@ def _described(total: OutputTotals) -> str:
 
 
 def _verdict(census: MeshCensus, totals: list[OutputTotals], compared: tuple[LeftOutPhotograph, ...]) -> Verdict:
-    worst = min(totals, key=lambda total: total.coloured)
+    # The holes of single photographs are no fault: they were asked for.
+    blended = [total for total in totals if not total.facts.only] or totals
+    worst = min(blended, key=lambda total: total.coloured)
     text = f"{100 * worst.coloured:.1f} % of the surface in '{worst.name}' has a colour"
     energy = usual([one.blended.gradient for one in compared if one.blended])
     if energy is not None:

@@ -26,10 +26,10 @@ CENSUS = MeshCensus(
 )
 
 
-def said(surface=1200, coloured=0, backs=0, before=45.0, cut=False) -> str:
+def said(surface=1200, coloured=0, backs=0, before=45.0, cut=False, only=None) -> str:
     none = ColourSums(seen=(0, 0, 0, 0), rejected=0, values=0, difference_sum=0.0, difference_count=0, shares={})
     tile = ProjectionTile(pixels=1200, surface=surface, colours=none, coloured=coloured, backs=backs, zone=0, sights={})
-    totals = OutputTotals(OutputFacts(FRONT, 1, 0.1, before, cut), (tile,))
+    totals = OutputTotals(OutputFacts(FRONT, 1, 0.1, before, cut, only), (tile,))
     return " ".join(output_doubts(CENSUS, [totals]))
 
 
@@ -41,6 +41,7 @@ def said(surface=1200, coloured=0, backs=0, before=45.0, cut=False) -> str:
         ({"coloured": 240}, "Only 20 % of the surface in 'front' is seen by a photograph"),
         ({"backs": 900}, "75 % of the surface in 'front' shows its back"),
         ({"surface": 0}, "its plane, cylinder or view passes it by; the surface reaches from (-2, 0, 0) to (2, 0, 3)"),
+        ({"only": "b"}, "b sees nothing of the surface in 'front', which is empty. Name another photograph."),
         ({"surface": 0, "cut": True}, "its section removes all that would be in the picture"),
     ],
 )
@@ -50,6 +51,7 @@ def test_an_output_that_shows_little_is_a_sentence(given, words):
 
 def test_an_output_with_colours_is_not_doubted():
     assert said(coloured=1100, before=3.0) == ""
+    assert said(coloured=100, only="b") == "", "one photograph has holes where it sees nothing"
 
 
 def test_degrees_before_a_plane_are_those_of_the_best_photograph_and_place():
