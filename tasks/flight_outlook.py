@@ -7,6 +7,7 @@ from orthomill.schemas.photo import Header
 from orthomill.schemas.project import PositionsFromExif, PositionsFromFile
 from orthomill.tasks.calibration.report.known_cameras import from_exif
 from orthomill.tasks.orientation.planned.flight_sentences import expected_flight
+from orthomill.tasks.orientation.planned.object_views import UNKNOWN_VIEWS
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report.first_look import first_look
 
@@ -22,7 +23,8 @@ def look_ahead(headers: tuple[Header, ...], crs: str | None, beside: PositionsBe
 def expected_of(headers: tuple[Header, ...], crs: str | None, beside: PositionsBeside | None = None) -> ExpectedFlight:
     """What is to be expected of the block; nothing for photographs that no run can use, which is for others to say."""
     if crs is None:
-        return ExpectedFlight(pattern="No positions in the tags: pattern, overlap and accuracy of the flight cannot be foreseen.")
+        nothing = "No positions in the tags: pattern, overlap and accuracy of the flight cannot be foreseen."
+        return ExpectedFlight(pattern=f"{nothing} {UNKNOWN_VIEWS}")
     own = PositionsFromFile(kind="file", path=beside.path) if beside else PositionsFromExif(kind="exif")
     try:
         photos = index_photos(headers, crs, own, Limits(float("inf")), beside.text if beside else None).photos

@@ -9,6 +9,7 @@ from orthomill.schemas.findings.flight_findings import ExpectedFlight
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.planned.expected_precision import ExpectedPrecision, expected_precision
 from orthomill.tasks.orientation.planned.flight_pattern import FlightPattern, flight_pattern
+from orthomill.tasks.orientation.planned.object_views import UNKNOWN_VIEWS, views_of_object
 from orthomill.tasks.orientation.planned.planned_block import HeightSource, PlannedBlock, planned_block, tell_apart
 from orthomill.tasks.orientation.planned.planned_network import PlannedMeasures, planned_network
 from orthomill.tasks.orientation.planned.remedies import WORTH, Remedy, best_remedy, with_control
@@ -60,21 +61,22 @@ def _placeless(photos: Photos) -> str | None:
     """Why nothing is said of the flight."""
     placed = [photo for photo in photos.photos if photo.position and photo.position_sigma]
     if not placed:
-        return "Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen."
+        return f"Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen. {UNKNOWN_VIEWS}"
     guessed = all(photo.relative_height is None for photo in placed)
     if guessed and len({photo.position for photo in placed}) > 1 and not tell_apart(placed):
         return (
             "Flight: the positions lie closer together than their standard errors tell apart, so that pattern, overlap and "
-            "accuracy cannot be foreseen, and the block may get neither place nor scale from them."
+            f"accuracy cannot be foreseen, and the block may get neither place nor scale from them. {UNKNOWN_VIEWS}"
         )
     return "Flight: all positions are one place, so that pattern, overlap and accuracy cannot be foreseen."
 
 
 def _of_walls(block: PlannedBlock) -> str:
-    return (
+    told = (
         f"The photographs look {_off_vertical(block):.0f} degrees off the vertical, at walls and not at the ground: what their "
         "block lets expect is not foreseen."
     )
+    return " ".join(filter(None, (told, views_of_object(block.centre, block.axes))))
 
 
 def _middle_part(block: PlannedBlock) -> PlannedBlock:
@@ -90,10 +92,15 @@ def _pattern(block: PlannedBlock, pattern: FlightPattern) -> str:
     look = "looking straight down" if _off_vertical(block) < 5 else f"looking {_off_vertical(block):.0f} degrees off the vertical"
     if not block.looks.any():
         look = "taken to look straight down"
-    return (
+    around = None
+    if pattern.kind == "circle":
+        # Without attitudes a circle says no more than that something is inside.
+        around = views_of_object(block.centre, block.axes) if block.looks.any() else UNKNOWN_VIEWS
+    told = (
         f"Flight: {_KINDS[pattern.kind]}{strips}, {look}, about {block.height:.0f} m above the ground "
         f"({_HEIGHTS[block.height_from]}){overlap}; a pixel is {_length(block.pixel)} on the ground."
     )
+    return f"{told} {around}" if around else told
 
 
 def _off_vertical(block: PlannedBlock) -> float:

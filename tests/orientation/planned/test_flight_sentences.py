@@ -12,6 +12,7 @@ from orthomill.schemas.camera import Cameras
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.tasks.flight_outlook import expected_of
 from orthomill.tasks.orientation.planned.flight_sentences import expected_flight
+from orthomill.tasks.orientation.planned.object_views import UNKNOWN_VIEWS, views_of_object
 from orthomill.tasks.orientation.planned.planned_block import planned_block
 from tests.support.scenes.planned_flights import CAMERA, GPS, HEIGHT, RTK, serpentine
 
@@ -111,7 +112,7 @@ def test_oblique_views_tell_the_height():
 def test_without_two_places_nothing_is_foreseen(count):
     few = photos(np.tile(ABOVE, (count, 1)))
     assert said(few).lines == (
-        ("Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen.",)
+        (f"Flight: unknown without positions; pattern, overlap and accuracy cannot be foreseen. {UNKNOWN_VIEWS}",)
         if not count
         else ("Flight: all positions are one place, so that pattern, overlap and accuracy cannot be foreseen.",)
     )
@@ -142,8 +143,22 @@ def test_level_photographs_show_no_flat_ground():
     walls = Photos(photos=tuple(photo.model_copy(update={"attitude": (90.0, 0.0, 0.0)}) for photo in level.photos))
     assert said(walls).lines == (
         "The photographs look 90 degrees off the vertical, at walls and not at the ground: what their block lets expect is not "
-        "foreseen.",
+        "foreseen. The photographs show one wall: its surface and orthoimage are made on its plane (grid: {kind: plane}; "
+        "docs/guide.md, 'A facade from its photographs alone'); measured distances or control points give the scale.",
     )
+
+
+@pytest.mark.parametrize(("inwards", "lean"), [(1.0, 90.0), (1.0, 50.0), (-1.0, 90.0), (1.0, 10.0)])
+def test_views_from_all_sides_that_meet_show_an_object(inwards, lean):
+    """Not a panorama from one place, and not the vertical views of an orbit."""
+    angle = np.radians(np.arange(12) * 30.0)
+    outwards = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(12)])
+    axes = np.column_stack([-inwards * np.sin(np.radians(lean)) * outwards[:, :2], np.full(12, -np.cos(np.radians(lean)))])
+    told = views_of_object(5.0 * outwards, axes)
+    if inwards > 0.0 and lean > 25.0:
+        assert told and told.startswith("The views meet at an object from all sides") and "mesh of another program" in told
+    else:
+        assert told is None
 
 
 def test_photographs_that_do_not_overlap_are_told_as_such():
@@ -171,7 +186,7 @@ def test_photographs_without_positions_do_not_matter_to_the_rest():
 
 def test_without_a_place_on_the_earth_one_line_says_so():
     assert expected_of((), None).lines == (
-        "No positions in the tags: pattern, overlap and accuracy of the flight cannot be foreseen.",
+        f"No positions in the tags: pattern, overlap and accuracy of the flight cannot be foreseen. {UNKNOWN_VIEWS}",
     )
 
 
