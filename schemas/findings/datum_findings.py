@@ -81,8 +81,9 @@ class TiltUnobserved(SpokenFinding):
         alone = self.tilt_sigma_deg
         fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
         return (
-            f"Positions and control lie nearly on one line and {fixed} the tilt about it; it rests {BASIS[self.basis]}, "
-            f"then good to {self.sigma_deg:.1f} degrees. Measure control away from the line, or fly parallel strips farther apart."
+            f"Positions and control lie so near to one line, for their standard errors, that they {fixed} the tilt about it; it "
+            f"rests {BASIS[self.basis]}, then good to {self.sigma_deg:.1f} degrees. Measure control away from the line, or fly "
+            "parallel strips farther apart."
         )
 
     @property

@@ -64,7 +64,7 @@ def test_one_strip_with_rough_positions_says_that_its_tilt_is_assumed():
     assert len(result.photos) == 8
     assert np.abs(standardised_orientation(block, result)).max() < 4
     assert "straight down" in result.datum
-    assert any("nearly on one line" in text for text in sentences(out["precision"]))
+    assert any("so near to one line" in text for text in sentences(out["precision"]))
     sigma = np.sqrt(np.diag(np.array(result.photos[3].covariance)))
     assert np.degrees(sigma[3:].max()) > 2
     assert np.degrees(sigma[3:].min()) < 2
