@@ -13,6 +13,7 @@ _BY_BYTES: tuple[tuple[bytes, str, str], ...] = (
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "a spreadsheet of Excel 97 (.xls)", _SHEET),
     (b"\x00\x00\x27\x0a", "a shapefile", _MAP),
     (b"SQLite format 3\0", "a GeoPackage or another database", _MAP),
+    (b"AC10", "a drawing (DWG)", _MAP),
     (b"%PDF", "a PDF document", "ask for the coordinates as text or CSV and give that file"),
     (b"\xff\xd8\xff", "a photograph (JPEG)", _OTHER),
     (b"\x89PNG", "a picture (PNG)", _OTHER),
@@ -27,6 +28,7 @@ _BY_TEXT: tuple[tuple[str, str, str], ...] = (
     (r"(<\?xml[^>]*>\s*)?<BlocksExchange\b", "a block of ContextCapture (BlocksExchange)", "export its control points as text"),
     (r"\s*(<!DOCTYPE html|<html\b)", "a web page, perhaps the refusal of a download", "download the file anew"),
     (r"\s*\{\s*\"type\"\s*:\s*\"FeatureCollection\"", "a GeoJSON file", _MAP),
+    (r"\s*(999\s*\n[^\n]*\n\s*)?0\s*\n\s*SECTION\b", "a drawing (DXF)", _MAP),
     (r"\$G[PNLAB](GGA|RMC|GSA|GSV|GST|VTG)", "a log of a receiver (NMEA)", "convert it to positions of the exposures (PPK) first"),
     (
         r"\s+\d\.\d\d\s+(OBSERVATION|N:|NAVIGATION|MIXED)",

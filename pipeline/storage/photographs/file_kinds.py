@@ -17,7 +17,7 @@ LIST_SUFFIXES = frozenset(
     {".txt", ".csv", ".dat", ".gcp", ".pos", ".mrk", ".xml", ".tsv", ".gsi", ".json", ".yaml", ".yml", ".cam"}
 )
 """of what may hold control, positions or a camera beside photographs"""
-FOREIGN_SUFFIXES = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg"})
+FOREIGN_SUFFIXES = frozenset({".xlsx", ".xls", ".ods", ".kml", ".kmz", ".gpx", ".geojson", ".shp", ".gpkg", ".dxf", ".dwg"})
 """of files that may hold control or positions, and are not read: people are told what they are"""
 _VIDEO = frozenset({".mp4", ".mov", ".avi", ".mts", ".m2ts", ".mkv", ".insv", ".360"})
 _PREVIEW = frozenset({".thm", ".lrf", ".lrv", ".scr"})

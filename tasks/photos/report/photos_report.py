@@ -32,6 +32,7 @@ _GRAVE = (
     PhotoRemarkCode.DAMAGED_TAGS,
     PhotoRemarkCode.FIX_CONTRADICTED,
     PhotoRemarkCode.PLACE_IMPOSSIBLE,
+    PhotoRemarkCode.PLACES_DIFFER,
     PhotoRemarkCode.HEIGHT_KINDS_MIXED,
     PhotoRemarkCode.FACTORY_CONTRADICTED,
 )
@@ -105,6 +106,18 @@ _SENTENCES = {
     PhotoRemarkCode.PLACE_IMPOSSIBLE: (
         "The GPS tags of {count} ({names}) hold degrees that are nowhere on the Earth{words}: these positions are not used; give "
         "them in a file."
+    ),
+    PhotoRemarkCode.PLACES_DIFFER: (
+        "EXIF and the maker's own tags give different places of {count} ({names}), up to {words} apart; those of EXIF are used. If "
+        "these were not corrected afterwards, give the positions in a file."
+    ),
+    PhotoRemarkCode.MAP_DATUM: (
+        "The GPS tags of {count} ({names}) name the datum {words}, which may lie hundreds of metres from WGS 84, as which they "
+        "were taken. If the name is right, give the positions in a file with their system."
+    ),
+    PhotoRemarkCode.EQUIVALENTS_DIFFER: (
+        "The 35 mm equivalents of photographs with one camera and one focal length differ ({words} mm; not as most: {count}, "
+        "{names}), as a digital zoom without its tag makes them. Keep photographs of different zooms apart: they share one camera."
     ),
     PhotoRemarkCode.SAME_PLACE: (
         "By their GPS tags {count} ({names}) were taken at one and the same place, to the last digit: the receiver stood still, or "

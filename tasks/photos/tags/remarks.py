@@ -1,5 +1,6 @@
 """What is said of the tags of a block: one remark of a kind, whatever the number of photographs."""
 
+import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePath
@@ -11,6 +12,7 @@ from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.fixes import BY_CODE, position_sigma
 from orthomill.tasks.photos.tags.heights import height_of
 from orthomill.tasks.photos.tags.instruments import several_serials
+from orthomill.tasks.photos.tags.places import places_apart
 
 _FOUND = {"fixed": "fixed", "float": "float", "single": "without corrections", "none": "without RTK", None: "of unknown precision"}
 _STATED = "of stated accuracy"
@@ -18,6 +20,12 @@ _NO_FIX = 1.0
 """m: no standard error of a fixed solution of carrier phases is as large"""
 _REPEATED = 3
 """Photographs in one place to the last digit, which is no chance in flight"""
+_ELSEWHERE = 50.0
+"""m in plan: two tags that are farther apart are not one place rounded or taken a moment later"""
+_OTHER_EQUIVALENT = 1.1
+"""35 mm equivalents are rounded to whole millimetres; beyond this ratio they are different ones"""
+_OF_SATELLITES = re.compile(r"WGS|ETRS|NAD.?83|GDA|ITRF|JGD|CGCS|SIRGAS|GRS|unknown|undefined|none", re.IGNORECASE)
+"""datums within metres of WGS 84, and words for none"""
 _KINDS = {
     "ellipsoidal": "above the ellipsoid",
     "sea_level": "above the sea",
@@ -37,10 +45,12 @@ def tag_remarks(headers: tuple[Header, ...], photos: list[Photo], positions: Pos
         yield from _precision([photo for photo in photos if photo.position], tags, positions.sigma_plan is None)
         yield from _heights([photo for photo in photos if photo.altitude is not None], tags)
         yield from _impossible(photos, tags)
+        yield from _of_other_places(photos, tags)
         yield from _same_place(photos)
     calibrated = [photo for photo in photos if photo.factory and photo.factory.kind == "calibrated"]
     yield from _of(PhotoRemarkCode.FACTORY_CAMERA, calibrated)
     yield from _of(PhotoRemarkCode.ON_THE_GROUND, _on_the_ground(photos))
+    yield from _other_equivalents(photos)
     yield from _of(PhotoRemarkCode.MASKED, [photo for photo in photos if photo.masked and not photo.mask])
     yield from _of(PhotoRemarkCode.DEWARPED, [photo for photo in photos if photo.dewarped])
     zoomed = [photo for photo in photos if photo.zoom != 1.0]
@@ -135,6 +145,28 @@ def _impossible(photos: list[Photo], tags: dict[str, dict[str, str]]) -> Iterato
     exchanged = all(abs(longitude) <= 90 and abs(latitude) <= 180 for longitude, latitude in places.values())
     words = [", with latitude and longitude exchanged"] if exchanged else []
     yield from _of(PhotoRemarkCode.PLACE_IMPOSSIBLE, [photo for photo in photos if photo.name in places], words)
+
+
+def _of_other_places(photos: list[Photo], tags: dict[str, dict[str, str]]) -> Iterator[PhotoRemark]:
+    """Photographs whose tags give two places, or name a datum of maps."""
+    apart = {photo.name: places_apart(tags[photo.path]) for photo in photos if photo.position}
+    differ = [photo for photo in photos if apart.get(photo.name, 0.0) > _ELSEWHERE]
+    if differ:
+        yield from _of(PhotoRemarkCode.PLACES_DIFFER, differ, [f"{max(apart.values()):.0f} m"])
+    datum = {photo.name: tag_text(tags[photo.path], "GPSMapDatum") for photo in photos if photo.position}
+    named = {name: text for name, text in datum.items() if text.strip() and not _OF_SATELLITES.search(text)}
+    yield from _of(PhotoRemarkCode.MAP_DATUM, [photo for photo in photos if photo.name in named], sorted(set(named.values()))[:3])
+
+
+def _other_equivalents(photos: list[Photo]) -> Iterator[PhotoRemark]:
+    """Photographs of one camera and zoom whose 35 mm equivalent is not that of most of them."""
+    for camera in dict.fromkeys(photo.camera for photo in photos):
+        own = [photo for photo in photos if photo.camera == camera and photo.focal_35mm]
+        count = Counter(photo.focal_35mm or 0.0 for photo in own)
+        if len(count) > 1 and max(count) > _OTHER_EQUIVALENT * min(count):
+            usual = count.most_common(1)[0][0]
+            odd = [photo for photo in own if photo.focal_35mm != usual]
+            yield from _of(PhotoRemarkCode.EQUIVALENTS_DIFFER, odd, (f"{value:g}" for value in sorted(count)[:4]))
 
 
 def _same_place(photos: list[Photo]) -> Iterator[PhotoRemark]:

@@ -211,3 +211,21 @@ def test_halves_on_two_sides_of_the_earth_are_refused_with_both_places():
         block(header("0"), header("1", 1), *other)
     with pytest.raises(PhotoError, match="East and west"):
         first_look((header("0"), header("1", 1), *other), "EPSG:32632")
+
+
+def test_places_of_two_tags_that_are_not_one_are_told():
+    photos = block(*(header(str(i), i, **dji(GpsLatitude="45.01", GpsLongitude=str(9 + i / 3600))) for i in range(3)))
+    assert "different places of 3 photographs (0, 1, 2), up to 1112 m apart" in said(photos, PhotoRemarkCode.PLACES_DIFFER)
+
+
+@pytest.mark.parametrize(("datum", "told"), [("TOKYO", True), ("NAD27", True), ("WGS-84", False), ("WGS 84", False), ("", False)])
+def test_a_datum_of_maps_in_the_tags_is_told(datum, told):
+    photos = block(*(header(str(i), i, GPSMapDatum=datum) for i in range(3)))
+    codes = {remark.code for remark in photos.remarks}
+    assert (PhotoRemarkCode.MAP_DATUM in codes) is told
+    assert not told or f"name the datum {datum}," in said(photos, PhotoRemarkCode.MAP_DATUM)
+
+
+def test_equivalents_that_differ_at_one_focal_length_are_told():
+    photos = block(*(header(str(i), i, FocalLengthIn35mmFilm="48" if i == 3 else "24") for i in range(4)))
+    assert "differ (24, 48 mm; not as most: 1 photograph, 3)" in said(photos, PhotoRemarkCode.EQUIVALENTS_DIFFER)

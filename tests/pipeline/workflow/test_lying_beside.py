@@ -203,6 +203,7 @@ TIMES = "".join(f"2023/05/17 08:15:0{n}.0 52.8 17.1 170.0 1 12 0.01 0.01 0.02\n"
         ({"gcps.xlsx": b"PK\x03\x04"}, None, r"Not used: site/gcps.xlsx is a spreadsheet .*CSV"),
         ({"gcps.csv": b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"}, None, "Not used: site/gcps.csv is a spreadsheet of Excel 97"),
         ({"site.kml": "<kml xmlns='x'/>"}, None, "Not used: site/site.kml is a KML file"),
+        ({"site.dxf": "  0\nSECTION\n  2\nENTITIES\n"}, None, r"Not used: site/site.dxf is a drawing \(DXF\)"),
         ({"points.geojson": '{"type": "FeatureCollection"}'}, None, "Not used: site/points.geojson is a GeoJSON file"),
         ({"titled.txt": f"Survey of May\n{GCP}"}, "site/titled.txt", ""),
         ({"named.txt": GCP.replace("340607.768", "P1 340607.768")}, "site/named.txt", ""),
