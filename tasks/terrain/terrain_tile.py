@@ -11,6 +11,7 @@ from orthomill.schemas.surface import MEASURED, Surface, SurfacePoints
 from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.bridges import BareBlocks, bridge
 from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
+from orthomill.tasks.terrain.ground.evened_ground import evened
 from orthomill.tasks.terrain.ground.hidden_ground import ToldGround, told_by_ground
 from orthomill.tasks.terrain.ground.islands import standing_islands
 from orthomill.tasks.terrain.ground.learned_errors import FillErrors
@@ -182,10 +183,12 @@ def terrain_tile(
     surface: Surface,
 ) -> TerrainTile:
     """The terrain of the cells `core` where the surface is wanted; heights, sigma, provenance cover the first of the windows, the
-    rasters of blocks the second."""
+    rasters of blocks the second, `evened_ground.REACH` blocks larger than what the cells lie between."""
     measured = np.isin(provenance, MEASURED) & np.isfinite(heights)
     sure = evidence(heights, sigma, provenance, rules)
     place = (*windows, rules.factor)
+    # Its height and its standard error have the grain of the invention alike.
+    bare = np.concatenate([np.stack([evened(bare[..., k], ground > 0) for k in (0, 1)], axis=-1), bare[..., 2:]], axis=-1)
     found = cell_ground(bare, open_side, ground > 0, heights, sigma, sure, place, rules.rise)
     above = heights - found.height
     roof = roof_cells(above, sigma, measured, rules.cell, rules.roofs)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.tasks.terrain.ground.bridges import bridge
+from orthomill.tasks.terrain.ground.evened_ground import REACH, evened
 from orthomill.tasks.terrain.ground.hidden_ground import told_by_ground
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, GroundSamples, learned_errors
 from orthomill.tasks.terrain.ground.mean_value_fill import DIRECTIONS, HALF, GapFill, fill_gaps
@@ -53,6 +54,40 @@ def test_a_patch_in_a_large_gap_throws_no_spokes():
     filled = fill_gaps(z[..., None], known, ~known, 120).values[..., 0]
     ring = filled[100 + np.rint(50 * np.sin(TURN)).astype(int), 100 + np.rint(50 * np.cos(TURN)).astype(int)]
     assert 0.0 < ring.mean() < 0.5 and np.ptp(ring) < ring.mean(), (ring.mean(), np.ptp(ring))
+
+
+def patches_in_a_gap() -> tuple[np.ndarray, np.ndarray]:
+    """Heights (201, 201) of ground around a gap, and of uneven patches in it; and which are known."""
+    rows, cols = np.mgrid[:201, :201]
+    known = np.hypot(rows - 100, cols - 100) > 90
+    for row, col, size in ((50, 60, 2), (90, 70, 1), (140, 90, 4), (110, 150, 3)):
+        known |= np.hypot(rows - row, cols - col) < size
+    return 0.03 * rows + np.random.default_rng(0).normal(0, 0.3, known.shape), known
+
+
+def test_evened_ground_has_no_ripples_around_patches():
+    z, known = patches_in_a_gap()
+    filled = fill_gaps(z[..., None], known, ~known, 120).values[..., 0]
+    smooth = evened(filled, known)
+    ring = 140 + np.rint(25 * np.sin(TURN)).astype(int), 90 + np.rint(25 * np.cos(TURN)).astype(int)
+    grain = [np.abs(np.diff(np.diff(values, axis=0), axis=1))[ring].mean() for values in (filled, smooth)]
+    assert grain[1] < 0.1 * grain[0], grain
+    assert (smooth[known] == filled[known]).all() and np.abs(smooth - filled).max() < 0.3
+
+
+def test_evening_leaves_planes_and_nearly_all_of_a_hill():
+    flat = np.where(COL > 62, np.nan, plane()).astype(np.float32)
+    np.testing.assert_allclose(evened(flat, ~gap()), flat, atol=1e-4)
+    hill = (50.0 - 0.002 * ((ROW - 30) ** 2 + (COL - 35) ** 2)).astype(np.float32)
+    assert np.abs(evened(hill, ~gap()) - hill).max() < 0.1 * np.ptp(hill[gap()])
+
+
+def test_a_window_with_its_reach_is_evened_as_the_whole():
+    z, known = patches_in_a_gap()
+    filled = fill_gaps(z[..., None], known, ~known, 120).values[..., 0]
+    part, inner = np.s_[10 : 40 + 2 * REACH, : 60 + REACH], np.s_[10 + REACH : 40 + REACH, :60]
+    own = evened(filled[part], known[part])[REACH : REACH + 30, :60]
+    np.testing.assert_array_equal(own, evened(filled, known)[inner])
 
 
 def test_nothing_beyond_the_reach_counts():

@@ -22,7 +22,7 @@ from orthomill.schemas.raster import MapGrid, RasterSpec, Tile, Window, map_rast
 from orthomill.schemas.stage_contract import ProjectView
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import CORRECTED, DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, points_table
-from orthomill.tasks.terrain.ground import block_heights, bridges, hidden_ground
+from orthomill.tasks.terrain.ground import block_heights, bridges, evened_ground, hidden_ground
 from orthomill.tasks.terrain.ground.learned_errors import FillErrors, GroundSamples, learned_errors
 from orthomill.tasks.terrain.ground.terrain_cells import blocks_around
 from orthomill.tasks.terrain.plan.contour_jobs import INTERVAL, contour_jobs
@@ -220,13 +220,15 @@ class TerrainJobs:
 
     def _cells(self, tile: Tile) -> Job:
         window = tile.window.grown(self.rules.roofs.halo).clipped(self.grid.shape)
-        blocks = blocks_around(window, self.rules.factor, self.coarse.shape)
+        blocks = blocks_around(window, self.rules.factor, self.coarse.shape).grown(evened_ground.REACH).clipped(self.coarse.shape)
         names = {"heights": self.heights, "sigma": RELATIVE_PRECISION, "provenance": PROVENANCE}
         reads: dict[str, Reading] = {"surface": SURFACE, **{key: Raster(name, window) for key, name in names.items()}}
         reads |= {key: Raster(name, blocks) for key, name in (("bare", BARE), ("open_side", OPEN_SIDE), ("ground", GROUND))}
         writes = {key: Raster(name, tile.window) for key, name in _CELL_RASTERS.items()}
         params = {"windows": (window, blocks), "core": tile.window, "rules": self.rules}
-        return self._job(tile, "cells", terrain_tile, reads, writes, params, 160 * window.cells)
+        # Of the blocks, four float64 arrays and the bands.
+        scratch = 160 * window.cells + 64 * blocks.cells
+        return self._job(tile, "cells", terrain_tile, reads, writes, params, scratch)
 
     def _points(self, tile: Tile) -> Job:
         reads: dict[str, Reading] = {"points": points_table(tile.row, tile.col)}
