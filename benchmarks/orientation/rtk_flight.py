@@ -22,6 +22,7 @@ from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS
 from orthomill.schemas.photo import PHOTOS
+from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.adjustment.testing.position_trend import height_trend
 from orthomill.tasks.geometry.rotation import rotation_matrix
 
@@ -37,13 +38,15 @@ TAKEN = (b"RtkFlag", b"RtkStd", b"RtkSrc", b"DewarpData", b"CalibratedFocal", b"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one run of the flight gives; lengths in m, angles in degrees."""
+    """What one run of the flight gives; lengths in m, angles in degrees; `redundancy`: the share of an error of a position that its
+    residual shows, as a mean."""
 
     sigma0_px: float
     sag: tuple[float, float]
     bend: tuple[float, float]
     centres: np.ndarray
     stated: np.ndarray
+    redundancy: float
     c: float
     sigma_c: float
     attitude: np.ndarray
@@ -94,11 +97,18 @@ def outcome(run: Path, surface: bool) -> Outcome:
         _bend(positions, centres),
         np.sqrt(np.mean([np.square(point.difference) for point in positions], axis=0)),
         stated,
+        _redundancy(precision),
         camera.c,
         float(np.sqrt(camera.covariance[0][0])) if camera.covariance else 0.0,
         _away_from_gimbal(block, own),
         tuple(finding.code for finding in precision.findings),
     )
+
+
+def _redundancy(precision) -> float:
+    """Redundancy of the positions by their number of coordinates."""
+    own = [group for group in precision.groups if group.name == ObservationKind.POSITIONS]
+    return sum(group.redundancy for group in own) / max(sum(group.count for group in own), 1)
 
 
 def _bend(positions, centres: np.ndarray) -> tuple[float, float]:
@@ -175,16 +185,19 @@ def _head(source: str) -> Iterator[str]:
     yield ""
     yield (
         "| tags | sigma0, px | floor over 60 m, m | bend of centres against positions, m | positions less block, E N H, m | "
-        "stated by the tags, m | c, px | in its standard errors from the factory's | tilts less gimbal, degrees | findings |"
+        "stated by the tags, m | their ratio, E N H (by redundancy, were the tags right) | "
+        "c, px | in its standard errors from the factory's | tilts less gimbal, degrees | findings |"
     )
-    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"
 
 
 def _row(name: str, found: Outcome) -> str:
     centres, stated, tilts = (", ".join(f"{v:.3f}" for v in values) for values in (found.centres, found.stated, found.attitude))
+    ratio = ", ".join(f"{v:.2f}" for v in found.centres / found.stated)
     away = abs(found.c - FACTORY) / found.sigma_c
     sag, bend = (f"{value:+.3f} +- {sigma:.3f}" for value, sigma in (found.sag, found.bend))
     return (
-        f"| {name} | {found.sigma0_px:.3f} | {sag} | {bend} | {centres} | {stated} | {found.c:.1f} +- {found.sigma_c:.1f} | "
+        f"| {name} | {found.sigma0_px:.3f} | {sag} | {bend} | {centres} | {stated} | "
+        f"{ratio} ({np.sqrt(found.redundancy):.2f}) | {found.c:.1f} +- {found.sigma_c:.1f} | "
         f"{away:.1f} | {tilts} | {', '.join(found.said)} |"
     )
