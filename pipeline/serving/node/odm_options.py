@@ -15,6 +15,7 @@ from orthomill.schemas.errors import WorkflowError
 QUALITIES = ("ultra", "high", "medium", "low", "lowest")
 _SEARCHED = {"ultra": 6000, "high": 3000, "medium": 1500, "low": 1000, "lowest": 700}
 """px along the longer side: OpenDroneMap halves the photographs of a usual drone of 20 megapixels at each step"""
+RERUN = "rerun-from"
 _STAGES = {
     "dataset": "photos",
     "split": "photos",
@@ -281,3 +282,10 @@ def stage_of(name: str, kinds: tuple[str, ...]) -> str | None:
     if name in kinds:
         return name
     return found if (found := _STAGES.get(name)) in kinds else None
+
+
+def stages_offered(kinds: tuple[str, ...]) -> NodeOption:
+    """From where a task may begin again: by our names, and by those of OpenDroneMap, of which clients show a menu."""
+    theirs = [name for name, stage in _STAGES.items() if stage in kinds]
+    names = [*(kind for kind in kinds if kind in _STAGES.values()), *theirs]
+    return NodeOption(RERUN, "enum", "", names, "Begin again at this stage; empty: at what is missing.")

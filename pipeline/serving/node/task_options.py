@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from orthomill.pipeline.serving.node.odm_options import ODM_OPTIONS, Taken, stage_of, with_readout
+from orthomill.pipeline.serving.node.odm_options import ODM_OPTIONS, RERUN, Taken, stage_of, stages_offered, with_readout
 from orthomill.pipeline.serving.node.offered_settings import NodeOption, checked_value, fields_offered, offered
 from orthomill.pipeline.serving.queue.task_state import GivenOption
 from orthomill.pipeline.serving.queue.wishes import Wishes
@@ -14,7 +14,6 @@ from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.schemas.errors import WorkflowError, first_of
 from orthomill.schemas.stage_contract import Stage
 
-RERUN = "rerun-from"
 _SETTLED = frozenset({"name", "project-path", "skip-post-processing", "images", "help", "version"})
 """what clients send along although it is told by other means"""
 
@@ -25,7 +24,8 @@ class TaskOptions:
     def __init__(self, catalogue: tuple[type[Stage], ...]) -> None:
         self._fields = fields_offered(catalogue)
         self._kinds = tuple(kind_of(stage) for stage in catalogue)
-        self.listed: tuple[NodeOption, ...] = (*(one.offered for one in ODM_OPTIONS.values()), *offered(catalogue))
+        theirs = (one.offered for one in ODM_OPTIONS.values())
+        self.listed: tuple[NodeOption, ...] = (*theirs, stages_offered(self._kinds), *offered(catalogue))
 
     def wishes(self, given: Iterable[GivenOption]) -> Wishes:
         """What options ask for; unknown ones become notes. Raises WorkflowError with all mistakes, one a line."""
@@ -52,6 +52,8 @@ class TaskOptions:
             if value not in ("", None) or ODM_OPTIONS[name].offered.type == "bool":
                 ODM_OPTIONS[name].take(value, taken)
         elif name == RERUN:
+            if value in ("", None):
+                return
             stage = stage_of(str(value), self._kinds)
             if stage is None:
                 raise WorkflowError(f"{RERUN} is {str(value)[:60]!r}; it is one of {', '.join(self._kinds)}.")

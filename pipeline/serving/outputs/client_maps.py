@@ -1,11 +1,13 @@
 """Maps as clients show them: cloud-optimised GeoTIFFs with one band of heights, or colours with their mask, and a plain system.
 
 WebODM refuses maps of a compound system, or of one without an EPSG code. Heights do not change: the plain system leaves out what
-they refer to, which the files below `orthomill/` still say.
+they refer to, which the files below `orthomill/` still say. Where there is none stands a number, as OpenDroneMap writes it: WebODM
+tells browsers of it in JSON, which has no NaN.
 """
 
 from pathlib import Path
 
+import numpy as np
 import rasterio
 import rasterio.shutil
 from pyproj import CRS
@@ -14,6 +16,7 @@ from orthomill.pipeline.export.conversions.raster_files import BLOCK, windows
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.conversions.warped_product import warped
 
+NO_HEIGHT = -9999.0
 _TAGS = {
     "driver": "GTiff",
     "tiled": True,
@@ -43,10 +46,14 @@ def write_client_map(product: Path, path: Path, bands: int, cell: float = 0.0, c
     with warped(product, Wanted(cell=cell if cell > 1.001 * own else None, cutline=cutline)) as view:
         kept = min(bands, view.count)
         profile = view.profile | _TAGS | {"count": kept, "crs": system or view.crs}
+        heights = profile["nodata"] is not None and np.isnan(profile["nodata"])
+        if heights:
+            profile["nodata"] = NO_HEIGHT
         with rasterio.open(plain, "w", **profile) as target:
             target.colorinterp = view.view.colorinterp[:kept]
             for window in windows(view.width, view.height):
-                target.write(view.read(window, list(range(1, kept + 1))), window=window)
+                values = view.read(window, list(range(1, kept + 1)))
+                target.write(np.where(np.isnan(values), values.dtype.type(NO_HEIGHT), values) if heights else values, window=window)
     rasterio.shutil.copy(plain, path, driver="COG", compress="deflate", predictor="yes", overview_resampling="average")
     plain.unlink()
     if system is None:
