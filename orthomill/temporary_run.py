@@ -43,6 +43,7 @@ class GivenResults(Stage):
 
     @classmethod
     def of(cls, tables: Mapping[Table[Any], Any], rasters: Sequence[tuple[RasterSpec, np.ndarray]] = ()) -> "GivenResults":
+        """A stage that has these results, as if its jobs had made them."""
         stage = cls()
         stage._tables, stage._rasters = dict(tables), list(rasters)
         return stage

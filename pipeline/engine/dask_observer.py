@@ -28,8 +28,11 @@ Route = tuple[str, type[RequestHandler], dict[str, Any]]
 class Observer(Protocol):
     """Whoever wants to know when jobs begin."""
 
-    def started(self, key: Key, worker: str) -> None: ...
-    def came_back(self, key: Key, failed: bool) -> None: ...
+    def started(self, key: Key, worker: str) -> None:
+        """A worker has begun a job."""
+
+    def came_back(self, key: Key, failed: bool) -> None:
+        """A job that had begun is no longer worked on: it failed, or its worker was lost."""
 
 
 class _Transitions(SchedulerPlugin):

@@ -109,6 +109,7 @@ class Graph:
         return planned
 
     def writer_of_table(self, path: str) -> Key | None:
+        """The job or export that writes a table; None where there is none yet."""
         return self._table_writers.get(path)
 
     def is_exported(self, path: str) -> bool:

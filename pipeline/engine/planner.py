@@ -50,6 +50,7 @@ class Planner:
 
     @property
     def open_stages(self) -> tuple[Stage, ...]:
+        """Stages of which not all jobs are planned."""
         return tuple(stage for stage in self.stages if stage.kind not in self.complete)
 
     def advance(self) -> list[PlannedJob]:

@@ -47,11 +47,13 @@ class StageRun:
 
     @property
     def waiting(self) -> int:
+        """Planned jobs that have not ended."""
         # At least 0: facts of a run that was killed while it planned may count a job as done before it is counted as planned.
         return max(self.jobs - self.done - self.skipped - self.failed, 0)
 
     @property
     def complete(self) -> bool:
+        """Whether all its jobs are done, in this run or before."""
         return self.jobs > 0 and self.done + self.skipped >= self.jobs and self.failed == 0
 
 

@@ -72,6 +72,7 @@ class Options:
 
     @property
     def processes(self) -> int:
+        """Number of workers: as asked, the cluster's, or one for each processor."""
         return self.workers or (self.cluster.workers if self.cluster else os.cpu_count() or 1)
 
     @property

@@ -41,9 +41,14 @@ COMPRESSION = 2
 class Watcher(Protocol):
     """Whatever shows the progress of a run."""
 
-    def planned(self, planned: PlannedJob) -> None: ...
-    def skipped(self, key: Key) -> None: ...
-    def finished(self, finished: Finished, record: Record | None) -> None: ...
+    def planned(self, planned: PlannedJob) -> None:
+        """A job has entered the graph."""
+
+    def skipped(self, key: Key) -> None:
+        """A job's results of an earlier run are kept."""
+
+    def finished(self, finished: Finished, record: Record | None) -> None:
+        """A job has ended; without a record where nothing is kept of it."""
 
 
 class Unwatched:
@@ -320,6 +325,7 @@ class Session:
         return any(not isinstance(job, Export) and report_table(key[0]) in job.writes.values() for key, job in jobs.items())
 
     def failure_list(self) -> tuple[Failure, ...]:
+        """The jobs that failed, each with its sentence."""
         return tuple(Failure(key[0], key_text(key), sentence) for key, sentence in self.failures.items())
 
 

@@ -115,14 +115,17 @@ class Stack:
 
     @property
     def first(self) -> RasterSpec:
+        """The raster of the first band, whose grid is that of all."""
         return next(iter(self.specs.values()))
 
     @property
     def chunk(self) -> int:
+        """Side of the windows that are written, px."""
         return max(self.first.chunk, 128)
 
     @property
     def bands(self) -> int:
+        """Number of bands of all rasters."""
         return sum(_bands(spec) for spec in self.specs.values())
 
     @property
@@ -136,6 +139,7 @@ class Stack:
         return not self.is_picture and any(np.dtype(spec.dtype).kind in "ui" for spec in self.specs.values())
 
     def windows(self) -> Iterator[Window]:
+        """The windows that cover the grid."""
         return (tile.window for tile in tiles_of(self.first.shape, self.chunk))
 
     def read(self, store: ReadableStore, window: Window) -> np.ndarray:

@@ -54,10 +54,12 @@ class Forecast:
 
     @property
     def megabytes(self) -> Amount:
+        """Disk that all stages need."""
         return sum((stage.megabytes for stage in self.stages.values()), NOTHING)
 
     @property
     def seconds(self) -> Amount:
+        """Processor time of all stages."""
         return sum((stage.seconds for stage in self.stages.values()), NOTHING)
 
 

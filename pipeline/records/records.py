@@ -33,6 +33,7 @@ class Fingerprint(BaseModel):
 
     @property
     def text(self) -> str:
+        """The digests in one word."""
         return f"{self.settings}-{self.code}-{self.inputs}"
 
 
@@ -69,6 +70,7 @@ class Record(BaseModel):
 
     @property
     def key(self) -> Key:
+        """(stage, item, row, col): the key of the job."""
         return self.stage, self.item, self.row, self.col
 
 

@@ -41,10 +41,12 @@ class Frame:
 
     @property
     def floor(self) -> float:
+        """Where the x axis lies, px from the top."""
         return self.height - self.bottom
 
     @property
     def y_parts(self) -> int:
+        """Into how many parts ticks divide the y axis."""
         return max(3, round((self.floor - self.top) / ROW))
 
     @property
@@ -53,9 +55,11 @@ class Frame:
         return left_of(self.y_low, self.y_high, self.y_parts)
 
     def x(self, value: float) -> float:
+        """Where a value of the x axis lies, px from the left."""
         return self.left + (value - self.x_low) / (self.x_high - self.x_low) * (WIDTH - self.left - RIGHT)
 
     def y(self, value: float) -> float:
+        """Where a value of the y axis lies, px from the top."""
         return self.floor - (value - self.y_low) / (self.y_high - self.y_low) * (self.floor - self.top)
 
 

@@ -39,10 +39,12 @@ class StoredArray:
 
     @property
     def birth(self) -> str:
+        """Mark of its creation: a raster that was made again has another."""
         return str(self.metadata["attributes"]["birth"])
 
     @cached_property
     def spec(self) -> RasterSpec:
+        """The specification that it was made from."""
         return RasterSpec.model_validate(self.metadata["attributes"]["spec"])
 
     @cached_property

@@ -32,6 +32,7 @@ class HeightSystem:
 
     @property
     def plan(self) -> CRS:
+        """The system of its coordinates in plan."""
         return horizontal(self.whole)
 
 

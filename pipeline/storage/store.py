@@ -122,6 +122,7 @@ class Store:
             self.depot.clear(self.place(name))
 
     def has(self, name: str) -> bool:
+        """Whether there is a raster of this name, sound or not."""
         return self.depot.state(f"{self.place(name)}/{METADATA}") is not None
 
     def is_sound(self, name: str) -> bool:
@@ -153,6 +154,7 @@ class Store:
         return self._array(name).spec
 
     def birth(self, name: str) -> str:
+        """The mark of its creation. Raises StoreError where there is no raster."""
         return self._array(name).birth
 
     def read(self, name: str, window: Window) -> np.ndarray:

@@ -91,22 +91,27 @@ class FamilyCost:
 
     @property
     def spent(self) -> float:
+        """Processor time of the jobs that were done, s."""
         return self.seconds + self.spent_first
 
     @property
     def spent_first(self) -> float:
+        """Processor time of the workers' first jobs, s."""
         return sum(seconds for seconds, _ in self.first.values())
 
     @property
     def first_effort(self) -> float:
+        """Effort of the workers' first jobs."""
         return sum(effort for _, effort in self.first.values())
 
     @property
     def left(self) -> int:
+        """Planned jobs that have not ended."""
         return max(self.planned - self.ended, 0)
 
     @property
     def effort_left(self) -> float:
+        """Effort of the planned jobs that have not ended."""
         # Sums of the same numbers in another order differ in their last digits.
         return max(self.planned_effort - self.ended_effort, 0.0) if self.left else 0.0
 

@@ -15,10 +15,17 @@ Outlines = Callable[[], list[Any]]
 class Answers(Protocol):
     """Whoever knows the map."""
 
-    def changes(self, tiles: int, changes: int) -> dict[str, Any]: ...
-    def outlines(self) -> list[Any]: ...
-    def tile(self, tile: int) -> dict[str, Any] | None: ...
-    def picture(self, tile: int) -> bytes | None: ...
+    def changes(self, tiles: int, changes: int) -> dict[str, Any]:
+        """What has changed since so many tiles and changes were known."""
+
+    def outlines(self) -> list[Any]:
+        """What every photograph shows of the ground."""
+
+    def tile(self, tile: int) -> dict[str, Any] | None:
+        """One tile with its record and its inputs, by number; None where there is none."""
+
+    def picture(self, tile: int) -> bytes | None:
+        """A small picture of what a tile has written; None where it has written no raster."""
 
 
 POLICY = "default-src 'none'; connect-src 'self'; img-src 'self' data: blob:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"

@@ -47,6 +47,7 @@ class Survey:
 
     @property
     def folder(self) -> str:
+        """The folder of photographs, as the workflow names it."""
         return self.source.path
 
     @cached_property

@@ -44,6 +44,7 @@ class Kinds:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """The kinds alone, in the order of the file."""
         return tuple(kind for _, kind in self.entries)
 
 

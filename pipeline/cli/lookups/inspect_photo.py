@@ -39,6 +39,7 @@ class GuardedPhoto:
         return read_header(self.path).model_copy(update={"path": shown(self.path)})
 
     def read(self, window: Window) -> np.ndarray:
+        """Pixels of a window."""
         return read_pixels(self.path, window)
 
 

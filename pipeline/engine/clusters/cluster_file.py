@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from orthomill import __version__
 from orthomill.pipeline.workflow.mistakes import Mistakes
 from orthomill.pipeline.workflow.workflow_text import settings_text
 from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
@@ -95,7 +96,7 @@ ClusterFile = Annotated[StartedCluster | SchedulerAddress, Field(discriminator="
 _EXAMPLES: dict[str, Settings] = {
     "slurm": SlurmCluster(kind="slurm"),
     "kubernetes": KubernetesCluster(
-        kind="kubernetes", image="registry.example/orthomill:0.2.0", claim="projects", mount="/projects"
+        kind="kubernetes", image=f"registry.example/orthomill:{__version__}", claim="projects", mount="/projects"
     ),
     "gateway": GatewayCluster(kind="gateway"),
     "address": SchedulerAddress(kind="address", address="tls://10.0.0.5:8786"),

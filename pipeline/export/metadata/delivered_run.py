@@ -77,6 +77,7 @@ class DeliveredFile:
 
     @property
     def media(self) -> str:
+        """Its media type, by its suffix."""
         return MEDIA.get(Path(self.name).suffix, "application/octet-stream")
 
 

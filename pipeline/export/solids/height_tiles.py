@@ -52,6 +52,7 @@ class HeightTiles:
         self.crs = heights[0].wkt
 
     def places(self, level: int) -> Iterator[TilePlace]:
+        """The places of the tiles of a level, row by row."""
         view = self.heights[level]
         for row in range(ceil(view.height / SIDE)):
             for col in range(ceil(view.width / SIDE)):

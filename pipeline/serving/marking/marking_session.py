@@ -25,12 +25,23 @@ class KnowsTheBlock(Protocol):
     """Whoever judges marks."""
 
     @property
-    def oriented(self) -> bool: ...
-    def judged(self, marks: Marks) -> MarkJudgement: ...
-    def sights(self, marks: Marks, point: str) -> Sequence[ExpectedSight]: ...
-    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> Sequence[MarkProposal]: ...
-    def next_points(self, marks: Marks) -> Sequence[NextPoint]: ...
-    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks: ...
+    def oriented(self) -> bool:
+        """Whether the photographs have orientations yet."""
+
+    def judged(self, marks: Marks) -> MarkJudgement:
+        """All marks against the block and each other."""
+
+    def sights(self, marks: Marks, point: str) -> Sequence[ExpectedSight]:
+        """The photographs that should show a point and have no mark of it."""
+
+    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> Sequence[MarkProposal]:
+        """The marks of a point carried to the photographs that should show it."""
+
+    def next_points(self, marks: Marks) -> Sequence[NextPoint]:
+        """Where another control or check point would help most."""
+
+    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
+        """The marks with those that need nobody."""
 
 
 class MarkingSession:

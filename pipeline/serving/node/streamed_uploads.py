@@ -28,7 +28,8 @@ _WRITTEN = MIB
 class Receiver(Protocol):
     """Takes the blocks of a file."""
 
-    def write(self, block: bytes) -> None: ...
+    def write(self, block: bytes) -> None:
+        """Take the next block."""
 
 
 Receive = Callable[[str], AbstractContextManager[Receiver]]

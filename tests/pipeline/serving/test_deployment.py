@@ -10,6 +10,7 @@ import pytest
 import yaml
 from typer.main import get_command
 
+from orthomill import __version__
 from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words
 from orthomill.pipeline.serving.queue.wishes import Wishes
@@ -27,6 +28,10 @@ def test_the_options_of_image_and_chart_are_those_of_the_command():
     words = json.loads(re.findall(r"^CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)[-1])
     asked = [word.split("=")[0] for word in [*words, *re.findall(r"- (--[a-z0-9-]+)", CHART)] if word.startswith("--")]
     assert words[0] == "serve" and {"--tasks", "--memory", "--keep-days", "--s3", "--host", "--scheduler"} == set(asked) <= known
+
+
+def test_the_chart_is_that_of_the_version():
+    assert yaml.safe_load((DEPLOY / "helm/orthomill/Chart.yaml").read_text())["appVersion"] == __version__
 
 
 def test_nothing_runs_as_root_or_writes_where_it_must_not():
