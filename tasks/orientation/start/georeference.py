@@ -140,8 +140,12 @@ class _CommonPoints:
 
     @property
     def crowded(self) -> bool:
-        """Whether the points lie within their standard errors of each other."""
-        return bool(np.linalg.norm(np.ptp(self.ground, axis=0)) < CROWDED * np.median(self.sigma))
+        """Whether the points lie within their standard errors of each other, the surveyed ones by themselves as well: of an object
+        of two metres a phone's positions say nothing, and four points on it all."""
+        return all(self._crowded(some) for some in (self.surveyed, np.ones(len(self.ground), bool)) if some.sum() >= 2)
+
+    def _crowded(self, some: np.ndarray) -> bool:
+        return bool(np.linalg.norm(np.ptp(self.ground[some], axis=0)) < CROWDED * np.median(self.sigma[some]))
 
 
 @dataclass(frozen=True, eq=False)
