@@ -12,7 +12,7 @@ from benchmarks.instrument.result_page import write_page
 from orthomill.schemas.marks import FoundTarget
 from orthomill.tasks.targets.coded_targets import coded_targets
 from orthomill.tasks.targets.photo_targets import photo_targets
-from orthomill.tasks.targets.ring_code_words import word_numbers, word_segments
+from orthomill.tasks.targets.ring_code_words import word_numbers
 
 FINER = 8
 """Samples of a pixel along and across."""
@@ -37,6 +37,11 @@ def pattern(kind: str, u: np.ndarray, v: np.ndarray, number: int = 7) -> np.ndar
         index = [np.clip(((w + 1) / 2 * 10).astype(int), 0, 9) for w in (v, u)]
         inside = cells[index[0], index[1]]
     return np.where(np.maximum(np.abs(u), np.abs(v)) <= 1.0, inside, np.nan)
+
+
+def word_segments(word: int, segments: int) -> np.ndarray:
+    """(segments,) 0 and 1 of a word, clockwise."""
+    return (word >> np.arange(segments - 1, -1, -1)) & 1
 
 
 def ring_pattern(segments: int, number: int, u: np.ndarray, v: np.ndarray) -> np.ndarray:

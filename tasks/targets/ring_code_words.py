@@ -30,8 +30,3 @@ def word_numbers(segments: int) -> dict[int, int]:
         if word <= min(turned) and opposite and word.bit_count() % 2 == 0:
             words.append(word)
     return {word: rank for rank, word in enumerate(words, 1)}
-
-
-def word_segments(word: int, segments: int) -> np.ndarray:
-    """(segments,) 0 and 1 of a word, clockwise."""
-    return (word >> np.arange(segments - 1, -1, -1)) & 1

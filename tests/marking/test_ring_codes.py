@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.marking.drawn_targets import drawn
+from benchmarks.marking.drawn_targets import drawn, word_segments
 from orthomill.tasks.targets.coded_targets import coded_targets
 from orthomill.tasks.targets.photo_targets import photo_targets
-from orthomill.tasks.targets.ring_code_words import least_rotation, word_numbers, word_segments
+from orthomill.tasks.targets.ring_code_words import least_rotation, word_numbers
 from orthomill.tasks.targets.ring_coded_dots import ring_coded_dots
 
 
