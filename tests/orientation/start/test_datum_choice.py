@@ -137,11 +137,13 @@ def test_crowded_positions_show_an_approximate_scale_where_they_agree_with_the_b
 
 
 def test_control_on_a_small_object_defines_the_datum_that_a_telephone_cannot():
-    """An object of two metres: positions that are stated to 6 m, three times the walk round it, and control that is good to 1 cm."""
+    """An object of two metres: positions that are stated to 6 m, three times the walk round it, and control good to 1 cm."""
     small = 0.02
     model, known = block(small * GRID, small * GROUND)
     noise = np.random.default_rng(7).normal(0.0, 1.0, known.position.shape)
-    known = replace(known, position=known.position + noise, position_sigma=np.full((6, 3), 6.0), control_sigma=np.full((5, 3), 0.01))
+    known = replace(
+        known, position=known.position + noise, position_sigma=np.full((6, 3), 6.0), control_sigma=np.full((5, 3), 0.01)
+    )
     datum = choose(model, known)
     assert not datum.free and datum.sentence.startswith("Control: the datum is defined by 5 ground control points")
     np.testing.assert_allclose(placed(datum, small * GROUND), small * GROUND, atol=0.01)
