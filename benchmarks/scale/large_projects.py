@@ -12,10 +12,10 @@ from benchmarks.instrument.result_page import write_page
 from benchmarks.scale.recorded_layout import Layout, enlarged, layout_of
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
 
-DISPATCH, ENGINE = 0.005, 0.011
+DISPATCH, ENGINE = 0.0045, 0.007
 """CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
-PLAN_BYTES = 6600.0
-"""of a job, in the memory of the command: the same"""
+PLAN_BYTES = 2500.0
+"""of a job in the plan, in the memory of the command: the same"""
 POSITION_BYTES = 1.4e6
 """of a photograph in the adjustment: adjustment_growth.md"""
 PHOTOGRAPH = 100.0
@@ -58,13 +58,13 @@ def page(name: str, layout: Layout) -> str:
         "",
         f"Jobs of `{name}` ({layout.megapixels:.0f} Mpx, {len(layout.once)} jobs, {layout.core_seconds:.1f} core-s per Mpx on the "
         "machine above), repeated side by side; what a project has once (its adjustment, files that are exported) takes as much "
-        f"longer as the project is larger. The scheduler is busy for {1000 * DISPATCH:.0f} ms with every job, a worker for "
+        f"longer as the project is larger. The scheduler is busy for {1000 * DISPATCH:.1f} ms with every job, a worker for "
         f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, a worker reads and writes 100 MB/s. An order of "
         "magnitude, not a promise: real blocks differ by a factor of two or so.",
         "",
         "## What an office asks",
         "",
-        "| project | tile, px | jobs | core-hours | stored, TB | requests, millions | their price, $ | memory of the command, GB | "
+        "| project | tile, px | jobs | core-hours | stored, TB | requests, millions | their price, $ | plan in memory, GB | "
         "memory of a block's adjustment, GB |",
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         *(_asked(project, layout, tile) for project, tile in SIZES),
