@@ -586,7 +586,7 @@ _ALL = (
         "minutes",
         EVERYTHING,
         RUN,
-        "PROJECT",
+        "-- PROJECT",
     ),
     Study(
         "starved_machine",

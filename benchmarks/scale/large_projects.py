@@ -1,6 +1,6 @@
 """Projects and clusters that nobody can try here: how long, how many requests, what breaks first.
 
-python -m benchmarks large_projects PROJECT
+python -m benchmarks large_projects -- PROJECT
 
 The jobs of a finished run (their processor time, the objects and bytes that they read and write, what they wait for) are repeated
 to the size of a project and played on clusters by a simulation. What the engine costs for a job is that of engine_cost.md.
@@ -47,7 +47,7 @@ COUNTRY = Project("a country: 40 Tpx in 40 blocks", 40e6, 40)
 def main(words: list[str]) -> None:
     """Simulates all, and writes the page."""
     if len(words) != 1:
-        raise SystemExit("Which project? python -m benchmarks large_projects PROJECT (of this folder, with a finished run)")
+        raise SystemExit("Which project? python -m benchmarks large_projects -- PROJECT (of this folder, with a finished run)")
     write_page("large_projects", words, page(words[0], layout_of(words[0])))
 
 

@@ -1,5 +1,6 @@
 """The jobs of a finished run, and of a project that many blocks like it make up."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from benchmarks.scale.simulated_cluster import Jobs
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.running import session_of
+from orthomill.pipeline.forecast.known_costs import family_of
 from orthomill.pipeline.records.records import Record
 from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
 from orthomill.schemas.job import Export
@@ -66,11 +68,11 @@ def _bytes(planned: PlannedJob, record: Record | None) -> int:
 
 
 def _once(kept: list[PlannedJob]) -> np.ndarray:
-    """A family of a single job is one for the whole project, and so is every file that is exported."""
-    families: dict[tuple[str, str], int] = {}
-    for planned in kept:
-        families[planned.key[:2]] = families.get(planned.key[:2], 0) + 1
-    return np.array([isinstance(one.job, Export) or families[one.key[:2]] == 1 for one in kept])
+    """Every file that is exported, and what a function makes in a single job: there are more of those that go by photograph, pair or
+    tile."""
+    exports = [isinstance(one.job, Export) for one in kept]
+    functions = Counter(family_of(one) for one in kept)
+    return np.array([export or functions[family_of(one)] == 1 for export, one in zip(exports, kept, strict=True)])
 
 
 def enlarged(layout: Layout, megapixels: float, tile: int) -> Jobs:
