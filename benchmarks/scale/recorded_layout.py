@@ -16,8 +16,8 @@ from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_wor
 from orthomill.schemas.job import Export
 from orthomill.tasks.catalogue import STAGES
 
-JUDGES = ("simulation", "evaluation")
-"""stages of simulated projects alone"""
+LEFT_OUT = ("simulation", "evaluation", "calibration")
+"""stages of simulated projects alone, and chessboards, of which a larger project has no more"""
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,15 @@ class Layout:
 
 
 def layout_of(project: str) -> Layout:
-    """The jobs of the finished run of a project of this folder, without those that only simulations have."""
+    """The jobs of the finished run of a project of this folder, without stages that no larger project has more of.
+
+    The run must have found its kernels compiled: a job that is made once, and compiles, would count for a thousand times as much.
+    """
     session = session_of(load_workflow(resolve_workflow(project, Path.cwd()), STAGES))
     session.plan()
     if session.pending or session.planner.open_stages:
         raise SystemExit(f"{project} is not finished by this version of the program: run it, then measure.")
-    kept = [planned for key, planned in session.graph.jobs.items() if key[0] not in JUDGES]
+    kept = [planned for key, planned in session.graph.jobs.items() if key[0] not in LEFT_OUT]
     records = [session.records.get(planned.key) for planned in kept]
     place = {planned.key: number for number, planned in enumerate(kept)}
     before = [[place[key] for key in planned.dependencies if key in place] for planned in kept]
@@ -68,8 +71,8 @@ def _bytes(planned: PlannedJob, record: Record | None) -> int:
 
 
 def _once(kept: list[PlannedJob]) -> np.ndarray:
-    """Every file that is exported, and what a function makes in a single job: there are more of those that go by photograph, pair or
-    tile."""
+    """Every file that is exported, and what a function makes in a single job: those that go by photograph, pair or tile make
+    more."""
     exports = [isinstance(one.job, Export) for one in kept]
     functions = Counter(family_of(one) for one in kept)
     return np.array([export or functions[family_of(one)] == 1 for export, one in zip(exports, kept, strict=True)])
