@@ -48,7 +48,7 @@ def main(words: list[str]) -> None:
     """Simulates all, and writes the page."""
     if len(words) != 1:
         raise SystemExit("Which project? python -m benchmarks large_projects -- PROJECT (of this folder, with a finished run)")
-    write_page("large_projects", words, page(words[0], layout_of(words[0])))
+    write_page("large_projects", ["--", *words], page(words[0], layout_of(words[0])))
 
 
 def page(name: str, layout: Layout) -> str:
