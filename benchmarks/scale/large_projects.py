@@ -6,6 +6,7 @@ The jobs of a finished run (their processor time, the objects and bytes that the
 to the size of a project and played on clusters by a simulation. What the engine costs for a job is that of engine_cost.md.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from benchmarks.instrument.result_page import write_page
@@ -16,7 +17,7 @@ DISPATCH, ENGINE = 0.0045, 0.007
 """CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
 PLAN_BYTES = 2500.0
 """of a job in the plan, in the memory of the command: the same"""
-POSITION_BYTES = 1.4e6
+ADJUSTMENT_BYTES = 1.4e6
 """of a photograph in the adjustment: adjustment_growth.md"""
 PHOTOGRAPH = 100.0
 """megapixels of an aerial camera"""
@@ -75,7 +76,7 @@ def page(name: str, layout: Layout) -> str:
         "",
         "| project | tile, px | workers | hours | efficiency, % | scheduler busy, % | longest job, min |",
         "| --- | --- | --- | --- | --- | --- | --- |",
-        *(_scaled(project, layout, tile, workers) for project, tile, workers in CLUSTERS),
+        *(row for project, tile, numbers in CLUSTERS for row in _scaled(project, layout, tile, numbers)),
         "",
         "## Weak scaling",
         "",
@@ -98,12 +99,13 @@ def page(name: str, layout: Layout) -> str:
 
 SIZES = ((TOWN, 512), (TOWN, 2048), (COUNTY, 2048), (CITY, 2048), (CITY, 4096), (COUNTRY, 4096))
 CLUSTERS = (
-    *((TOWN, 512, workers) for workers in (1, 16, 100)),
-    *((TOWN, 2048, workers) for workers in (16, 100)),
-    *((COUNTY, 512, workers) for workers in (100,)),
-    *((COUNTY, 2048, workers) for workers in (16, 100, 1000)),
-    *((CITY, 4096, workers) for workers in (100, 1000)),
+    (TOWN, 512, (1, 16, 100)),
+    (TOWN, 2048, (16, 100)),
+    (COUNTY, 512, (100,)),
+    (COUNTY, 2048, (16, 100, 1000)),
+    (CITY, 4096, (100, 1000)),
 )
+"""projects, the sides of their tiles, and numbers of workers"""
 
 
 def _cluster(workers: int) -> Cluster:
@@ -117,16 +119,18 @@ def _asked(project: Project, layout: Layout, tile: int) -> str:
     return (
         f"| {project.name} | {tile} | {count * project.blocks:,} | {jobs.seconds.sum() * project.blocks / 3600:,.0f} | "
         f"{layout.stored * project.megapixels / 1e12:.2g} | {(gets + puts) / 1e6:.2g} | {gets * GET + puts * PUT:,.0f} | "
-        f"{count * PLAN_BYTES / 1e9:.2g} | {photographs * POSITION_BYTES / 1e9:.2g} |"
+        f"{count * PLAN_BYTES / 1e9:.2g} | {photographs * ADJUSTMENT_BYTES / 1e9:.2g} |"
     )
 
 
-def _scaled(project: Project, layout: Layout, tile: int, workers: int) -> str:
-    outcome = simulated(enlarged(layout, project.megapixels, tile), _cluster(workers))
-    return (
-        f"| {project.name} | {tile} | {workers} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} | "
-        f"{100 * outcome.busy:.0f} | {outcome.longest / 60:.1f} |"
-    )
+def _scaled(project: Project, layout: Layout, tile: int, numbers: tuple[int, ...]) -> Iterator[str]:
+    jobs = enlarged(layout, project.megapixels, tile)
+    for workers in numbers:
+        outcome = simulated(jobs, _cluster(workers))
+        yield (
+            f"| {project.name} | {tile} | {workers} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} | "
+            f"{100 * outcome.busy:.0f} | {outcome.longest / 60:.1f} |"
+        )
 
 
 def _weak(layout: Layout, workers: int) -> str:

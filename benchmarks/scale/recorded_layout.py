@@ -20,7 +20,7 @@ LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """A block of so many megapixels. `once`: (N,) whether a job is made once for a whole project, however large."""
 

@@ -3,11 +3,9 @@
 import math
 from collections.abc import Mapping
 
+from orthomill.schemas.survey_files.written_steps import METRES_OF_A_DEGREE
 from orthomill.tasks.photos import exif
 from orthomill.tasks.photos.tags.makers import maker_number
-
-_M_PER_DEGREE = 111_200.0
-"""of a meridian"""
 
 
 def place_of(tags: Mapping[str, str]) -> tuple[float, float] | None:
@@ -21,7 +19,7 @@ def places_apart(tags: Mapping[str, str]) -> float:
     if by_exif is None or by_maker is None:
         return 0.0
     east = (by_exif[0] - by_maker[0]) * math.cos(math.radians(by_exif[1]))
-    return _M_PER_DEGREE * math.hypot(east, by_exif[1] - by_maker[1])
+    return METRES_OF_A_DEGREE * math.hypot(east, by_exif[1] - by_maker[1])
 
 
 def _by_maker(tags: Mapping[str, str]) -> tuple[float, float] | None:
