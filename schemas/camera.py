@@ -15,7 +15,10 @@ from orthomill.schemas.job import Table
 
 # Rows of stored covariances carry no names: another order would silently exchange them in existing projects. Those of the first
 # eight, which is all that earlier versions knew, are read with zeros for the others.
-INTERIOR = ("c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+InteriorParameter = Literal[
+    "c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"
+]  # fmt: skip
+INTERIOR: tuple[str, ...] = get_args(InteriorParameter)
 """Order of the interior parameters of all lens models in every covariance and every kernel; a model has some of them."""
 
 

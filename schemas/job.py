@@ -202,6 +202,7 @@ class Job:
 
     @property
     def key(self) -> tuple[str, str, int, int]:
+        """(stage, item, row, col): its name in the graph, in the records and on the dashboard."""
         return self.stage, self.item, self.row, self.col
 
 
@@ -228,6 +229,7 @@ class Export:
 
     @property
     def key(self) -> tuple[str, str, int, int]:
+        """(stage, item, 0, 0): its name beside those of jobs."""
         return self.stage, self.item, 0, 0
 
 

@@ -14,7 +14,8 @@ class Counted(Protocol):
     """A window or a grid."""
 
     @property
-    def cells(self) -> int: ...
+    def cells(self) -> int:
+        """How many cells it has."""
 
 
 def array_bytes(each: int, *extents: Counted | tuple[int, ...] | int) -> int:

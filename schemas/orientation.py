@@ -113,9 +113,11 @@ class Block(BaseModel):
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the photographs, in the order of `photos`."""
         return tuple(photo.photo for photo in self.photos)
 
     def of(self, name: str) -> ExteriorOrientation:
+        """The orientation of a photograph of the block (`check_holds` asks whether it is one)."""
         return next(photo for photo in self.photos if photo.photo == name)
 
     def check_holds(self, name: str) -> None:
@@ -125,6 +127,7 @@ class Block(BaseModel):
             raise PhotoError(f"{name} is not in the block; it holds {', '.join(self.names[:8])}{more}.")
 
     def camera_of(self, name: str) -> Camera:
+        """The camera of a photograph of the block."""
         return self.cameras[self.of_photo[name]]
 
 
@@ -218,6 +221,7 @@ class GroundResiduals(BaseModel):
     distances: tuple[DistanceResidual, ...] = ()
 
     def of_role(self, role: str) -> tuple[GroundResidual, ...]:
+        """The points of one role: control or check."""
         return tuple(point for point in self.points if point.role == role)
 
 

@@ -21,6 +21,7 @@ class Outcome(IntEnum):
 
     @property
     def sentence(self) -> str:
+        """The outcome in words."""
         return _SENTENCES[self]
 
 

@@ -290,6 +290,7 @@ class Photos(BaseModel):
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the photographs, in the order of `photos`."""
         return tuple(photo.name for photo in self.photos)
 
 

@@ -26,6 +26,7 @@ class Window:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
         return self.height, self.width
 
     @property
@@ -35,10 +36,12 @@ class Window:
 
     @property
     def slices(self) -> tuple[slice, slice]:
+        """What takes the window out of an array of the whole raster."""
         return slice(self.row, self.row + self.height), slice(self.col, self.col + self.width)
 
     @property
     def empty(self) -> bool:
+        """Whether it holds no pixel."""
         return self.height <= 0 or self.width <= 0
 
     def grown(self, halo: int) -> "Window":
@@ -100,6 +103,7 @@ class MapGrid(BaseModel):
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
         return self.rows, self.cols
 
     @property
@@ -156,15 +160,18 @@ class RasterSpec(BaseModel):
 
     @property
     def chunks(self) -> tuple[int, ...]:
+        """(rows, columns) of a stored chunk, and all bands where there are several."""
         # No larger than the raster, as every chunk is stored at its full size; all bands together, as tiles are read with all
         # bands.
         return (min(self.chunk, self.shape[0]), min(self.chunk, self.shape[1]), *self.shape[2:])
 
     @property
     def full(self) -> Window:
+        """The window of all pixels."""
         return Window(0, 0, self.shape[0], self.shape[1])
 
     def bytes_of(self, window: Window) -> int:
+        """Bytes of the pixels of a window, all bands, not compressed."""
         bands = self.shape[2] if len(self.shape) == 3 else 1
         return window.cells * bands * np.dtype(self.dtype).itemsize
 

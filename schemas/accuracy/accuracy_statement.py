@@ -62,6 +62,7 @@ class AccuracyFigure(_Stated):
 
     @property
     def formal(self) -> bool:
+        """Whether there are as many points as a formal statement needs."""
         return self.points >= self.needed
 
 

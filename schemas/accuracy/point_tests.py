@@ -30,6 +30,7 @@ class HeightTest(_Tested):
 
     @property
     def tested(self) -> bool:
+        """Whether the height was compared; `reason` says why not."""
         return self.reason == TESTED
 
     @property
@@ -54,6 +55,7 @@ class PlaceTest(_Tested):
 
     @property
     def tested(self) -> bool:
+        """Whether the place was compared; `reason` says why not."""
         return self.reason == TESTED
 
 

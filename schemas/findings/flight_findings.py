@@ -19,6 +19,7 @@ class ExpectedFlight(BaseModel):
 
     @property
     def lines(self) -> tuple[str, ...]:
+        """What is known of it, a line each."""
         return tuple(line for line in (self.pattern, self.bend, self.accuracy, self.effort) if line)
 
 
@@ -46,4 +47,5 @@ class FirstLook(BaseModel):
 
     @property
     def lines(self) -> tuple[str, ...]:
+        """Findings, and below them what to expect."""
         return *self.findings, *self.expected.lines

@@ -68,6 +68,7 @@ class PairBlock:
 
     @property
     def parallaxes(self) -> ParallaxRange:
+        """The column parallaxes that the heights of the surface allow."""
         return ParallaxRange.around(self.pair.parallax_low + self.offset, self.pair.parallax_high + self.offset)
 
     @property

@@ -42,6 +42,7 @@ class CheckedPair(BaseModel):
 
     @property
     def window(self) -> Window:
+        """`box` as a window of the surface's grid."""
         return Window(*self.box)
 
 

@@ -48,6 +48,7 @@ class NodeTile:
 
     @property
     def centres(self) -> Centres:
+        """Projection centres of both photographs."""
         return Centres(np.array(self.left.centre), np.array(self.right.centre))
 
     @property

@@ -57,6 +57,7 @@ class OrthoPair:
 
     @property
     def swapped(self) -> "OrthoPair":
+        """The same pair with left and right exchanged."""
         return OrthoPair(self.right, self.left, self.right_half, self.left_half)
 
 

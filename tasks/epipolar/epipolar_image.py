@@ -43,6 +43,7 @@ class TileOfPair:
 
     @property
     def view(self) -> EpipolarView:
+        """The geometry of the epipolar image that the tile is part of."""
         return epipolar_view(self.pair, self.side, view_of(self.orientation, self.camera))
 
     @property
@@ -111,7 +112,7 @@ def _resample(image, source, n, origin, bicubic, out):
             # a ray away from the camera would come out mirrored through the projection centre
             if w >= 0.0:
                 continue
-            xd, yd = distort_point(-u / w, -v / w, n)
+            xd, yd = distort_point(-u / w, -v / w, n.lens)
             col, row = n.photo_col0 + n.photo_c * xd, n.photo_row0 - n.photo_c * yd
             # the frame of the photograph, not of the window read: outside, the distortion polynomial is extrapolated and may
             # fold pixels back into the image

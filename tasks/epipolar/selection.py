@@ -60,6 +60,7 @@ class Candidate:
 
     @property
     def score(self) -> float:
+        """What pairs are ordered by: much overlap and a wide base."""
         return self.overlap * self.base_height
 
 

@@ -28,6 +28,7 @@ class Placement:
 
     @property
     def empty(self) -> bool:
+        """Whether the reference covers none of the cells."""
         return self.source_window.empty
 
     def source_pixels(self) -> tuple[np.ndarray, np.ndarray]:

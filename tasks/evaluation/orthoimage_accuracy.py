@@ -199,18 +199,22 @@ class OrthoScene:
 
     @cached_property
     def measured(self) -> np.ndarray:
+        """(rows, cols) bool: the pixel rests on a measured height."""
         return self.source == HeightSource.MEASURED
 
     @cached_property
     def has_truth(self) -> np.ndarray:
+        """(rows, cols) bool: the true colour is known in all bands."""
         return _complete(self.truth)
 
     @cached_property
     def judged(self) -> np.ndarray:
+        """(rows, cols) bool: both orthoimage and truth have a colour."""
         return self.covered & self.has_truth
 
     @cached_property
     def known(self) -> np.ndarray:
+        """(rows, cols) bool: true colour and number of photographs are known."""
         return self.has_truth & (self.seen != 255)
 
     @cached_property

@@ -43,6 +43,10 @@ class LensNumbers(NamedTuple):
     model: float
 
 
+NO_LENS = LensNumbers._make([0.0] * len(LensNumbers._fields))
+"""Brown's model without distortion, and square pixels: that of a rectified image."""
+
+
 @njit(inline="always")
 def radial_factor(r2, n):
     """(factor, its derivative by r^2): how much longer the radius of an observed point is than that of its ideal one."""

@@ -19,7 +19,7 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.raster import Window
-from orthomill.tasks.geometry.distortion import image_to_pixel, lens_of, pixel_to_image
+from orthomill.tasks.geometry.distortion import LensNumbers, image_to_pixel, pixel_to_image
 from orthomill.tasks.geometry.view import View
 
 Side = Literal["left", "right"]
@@ -41,6 +41,7 @@ class HeightRange:
 
     @property
     def mean(self) -> float:
+        """Middle of the range, m."""
         return (self.low + self.high) / 2
 
 
@@ -253,22 +254,7 @@ class EpipolarNumbers(NamedTuple):
     photo_col0: float
     photo_row0: float
     """the same of the photograph"""
-    k1: float
-    k2: float
-    k3: float
-    p1: float
-    p2: float
-    affinity: float
-    skew: float
-    k4: float
-    k5: float
-    k6: float
-    s1: float
-    s2: float
-    s3: float
-    s4: float
-    model: float
-    """the lens, as in `LensNumbers`"""
+    lens: LensNumbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,9 +310,8 @@ class EpipolarView:
     def numbers(self) -> EpipolarNumbers:
         """The mapping as kernels take it."""
         photo = self.view.numbers
-        lens = lens_of(self.view.camera)
-        values = (*self.turn.ravel(), self.c, self.col0, self.row0, photo.c, photo.col0, photo.row0, *lens)
-        return EpipolarNumbers._make(map(float, values))
+        own = map(float, (*self.turn.ravel(), self.c, self.col0, self.row0))
+        return EpipolarNumbers._make((*own, photo.c, photo.col0, photo.row0, photo.lens))
 
 
 def epipolar_view(pair: EpipolarPair, side: Side, view: View) -> EpipolarView:

@@ -14,6 +14,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.geometry.distortion import (
     BROWN,
+    LensNumbers,
     distort_brown,
     distort_point,
     image_to_pixel,
@@ -48,25 +49,23 @@ class ViewNumbers(NamedTuple):
     col0: float
     row0: float
     """camera constant and principal point, px"""
-    k1: float
-    k2: float
-    k3: float
-    p1: float
-    p2: float
-    affinity: float
-    skew: float
-    k4: float
-    k5: float
-    k6: float
-    s1: float
-    s2: float
-    s3: float
-    s4: float
-    model: float
-    """the lens, as in `LensNumbers`"""
+    lens: LensNumbers
     width: float
     height: float
     """size of the photograph, px"""
+
+    def row(self) -> tuple[float, ...]:
+        """All numbers in one row, for tables of views (`view_of_row`)."""
+        return (*self[:15], *self.lens, self.width, self.height)
+
+
+@njit(inline="always")
+def view_of_row(n):
+    """The view of `ViewNumbers.row`, for kernels: numba makes no tuple of a variable length."""
+    lens = LensNumbers(n[15], n[16], n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24], n[25], n[26], n[27], n[28], n[29])
+    return ViewNumbers(
+        n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], lens, n[30], n[31]
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +123,8 @@ class View:
         """The view as kernels take it."""
         camera = self.camera
         principal = principal_place(camera)
-        values = (*self.rotation.ravel(), *self.centre, camera.c, *principal, *lens_of(camera), camera.width, camera.height)
-        return ViewNumbers._make(map(float, values))
+        placed = map(float, (*self.rotation.ravel(), *self.centre, camera.c, *principal))
+        return ViewNumbers._make((*placed, lens_of(camera), float(camera.width), float(camera.height)))
 
 
 @njit(inline="always")
@@ -138,7 +137,7 @@ def project_point(n, x, y, z):
     # Without this test a point behind the camera projects into the photograph, mirrored through the projection centre.
     if w >= 0.0:
         return np.nan, np.nan, -w
-    xd, yd = distort_point(-u / w, -v / w, n)
+    xd, yd = distort_point(-u / w, -v / w, n.lens)
     return n.col0 + n.c * xd, n.row0 - n.c * yd, -w
 
 
@@ -185,7 +184,7 @@ def _fill_row(n, x, y, z, widest, brown, out):
         depth = -(n.r33 * dz + (n.r31 * dx + away))
         inverse = 1.0 / depth
         u, v = (n.r13 * dz + (n.r11 * dx + across)) * inverse, (n.r23 * dz + (n.r21 * dx + along)) * inverse
-        xd, yd = distort_brown(u, v, n) if brown else distort_point(u, v, n)
+        xd, yd = distort_brown(u, v, n.lens) if brown else distort_point(u, v, n.lens)
         col, row = n.col0 + n.c * xd, n.row0 - n.c * yd
         border = min(half_width - abs(col - half_width), half_height - abs(row - half_height))
         # Outside the field of view the distortion polynomial may fold back into the photograph.
@@ -198,7 +197,7 @@ def _fill_row(n, x, y, z, widest, brown, out):
 def frame_row(n, x, y, z, widest, out):
     """Fills `out` as `framed_point` would, several points at a time, for ground points x (N,), y, z (N,) m, NaN for no point;
     n is `View.numbers`, `widest` the squared tangent of the largest field angle."""
-    if n.model == BROWN:
+    if n.lens.model == BROWN:
         _fill_row(n, x, y, z, widest, True, out)
     else:
         _fill_row(n, x, y, z, widest, False, out)

@@ -17,9 +17,14 @@ NEAR = 6.0
 class Proposes(Protocol):
     """Whoever judges and proposes marks."""
 
-    def judged(self, marks: Marks) -> MarkJudgement: ...
-    def sights(self, marks: Marks, point: str) -> tuple[ExpectedSight, ...]: ...
-    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> tuple[MarkProposal, ...]: ...
+    def judged(self, marks: Marks) -> MarkJudgement:
+        """All marks against the block and each other."""
+
+    def sights(self, marks: Marks, point: str) -> tuple[ExpectedSight, ...]:
+        """The photographs that should show a point and have no mark of it."""
+
+    def proposals(self, marks: Marks, name: str, read: ReadGrey) -> tuple[MarkProposal, ...]:
+        """The marks of a point carried to the photographs that should show it."""
 
 
 def automatic_marks(who: Proposes, belief: Belief, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:

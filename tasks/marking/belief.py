@@ -56,6 +56,7 @@ class Belief:
         return {name: i for i, name in enumerate(self.names)}
 
     def camera_of(self, photo: int) -> Camera:
+        """The camera of a photograph, by number."""
         return self.cameras[self.network.camera_of[photo]]
 
     def view_of(self, photo: int) -> View:

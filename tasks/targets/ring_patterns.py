@@ -39,6 +39,7 @@ class RingTargets:
         return len(self.place)
 
     def take(self, index: np.ndarray) -> "RingTargets":
+        """The candidates at `index`, numbers or a mask."""
         return RingTargets(self.place[index], self.radius[index], self.contrast[index], self.score[index], self.kind[index])
 
 

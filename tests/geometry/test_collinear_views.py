@@ -111,7 +111,7 @@ def test_a_view_for_kernels_names_its_numbers():
     assert (n.r11, n.r13, n.r31, n.r33) == (R[0, 0], R[0, 2], R[2, 0], R[2, 2])
     assert (n.xc, n.yc, n.zc) == tuple(CENTRE)
     assert (n.col0, n.row0, n.width, n.height) == (1008.0, 755.0, 2001.0, 1501.0)
-    assert (n.k1, n.p2) == (-0.08, -2e-4)
+    assert (n.lens.k1, n.lens.p2) == (-0.08, -2e-4)
 
 
 def test_a_stored_orientation_is_in_degrees():

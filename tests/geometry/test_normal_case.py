@@ -206,7 +206,7 @@ def test_numbers_for_kernels_are_those_of_the_view():
     n, photo = left.numbers, left.view.numbers
     np.testing.assert_array_equal(np.reshape(n[:9], (3, 3)), left.turn)
     assert (n.c, n.col0, n.row0) == (left.c, left.col0, left.row0)
-    assert (n.photo_c, n.photo_col0, n.photo_row0, n.k1, n.p2) == (photo.c, photo.col0, photo.row0, photo.k1, photo.p2)
+    assert (n.photo_c, n.photo_col0, n.photo_row0, n.lens) == (photo.c, photo.col0, photo.row0, photo.lens)
 
 
 def test_polygons():

@@ -4,9 +4,8 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
+from orthomill.schemas.camera import InteriorParameter
 from orthomill.schemas.settings import Settings, setting
-
-Parameter = Literal["c", "x0", "y0", "k1", "k2", "k3", "p1", "p2", "affinity", "skew", "k4", "k5", "k6", "s1", "s2", "s3", "s4"]
 
 
 class FixedInterior(Settings):
@@ -20,8 +19,8 @@ class WeightedInterior(Settings):
     camera from EXIF)."""
 
     kind: Literal["weighted"]
-    parameters: tuple[Parameter, ...] = setting(
-        get_args(Parameter), "Interior parameters to be adjusted, of those that the calibration knows.", min_length=1
+    parameters: tuple[InteriorParameter, ...] = setting(
+        get_args(InteriorParameter), "Interior parameters to be adjusted, of those that the calibration knows.", min_length=1
     )
 
 
@@ -29,7 +28,9 @@ class FreeInterior(Settings):
     """The named parameters are unknowns without prior weight (self-calibration)."""
 
     kind: Literal["free"]
-    parameters: tuple[Parameter, ...] = setting(("c", "x0", "y0", "k1", "k2"), "Interior parameters to be adjusted.", min_length=1)
+    parameters: tuple[InteriorParameter, ...] = setting(
+        ("c", "x0", "y0", "k1", "k2"), "Interior parameters to be adjusted.", min_length=1
+    )
 
 
 InteriorChoice = Annotated[FixedInterior | WeightedInterior | FreeInterior, Field(discriminator="kind")]

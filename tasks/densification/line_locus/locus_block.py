@@ -121,6 +121,7 @@ class LocusBlock:
 
     @property
     def area(self) -> NodeArea:
+        """The rectangle of the nodes' centres, m, with the heights that are possible."""
         x, y = self.surface.grid.centres(self.window)
         bounds = float(x[0]), float(y[-1]), float(x[-1]), float(y[0])
         return NodeArea(bounds, self.surface.height_low, self.surface.height_high)

@@ -92,6 +92,7 @@ class Guided(Settings):
         return (*reduced, *full)
 
     def detector(self, level: "GuidedLevel") -> HarrisPoints:
+        """The detector of interest points with the threshold of a level."""
         return HarrisPoints(sigma=self.sigma, radius=self.radius, min_strength=level.threshold)
 
     def beside(self, pair: EpipolarPair, reduction: int) -> int:

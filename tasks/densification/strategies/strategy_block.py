@@ -47,6 +47,7 @@ class StrategyBlock:
 
     @property
     def search(self) -> SearchRange:
+        """The shifts that the parallaxes of the pair allow, px."""
         low, high = (p + self.offset for p in (self.pair.parallax_low, self.pair.parallax_high))
         return SearchRange(-high, -low, -_ROWS, _ROWS)
 

@@ -65,6 +65,7 @@ class Passes:
         )
 
     def tiles(self) -> Iterator[Tile]:
+        """The tiles of the surface's grid."""
         return tiles_of(self.surface.grid.shape, self.tile)
 
     def codes(self, window: Window) -> Reads:
@@ -84,6 +85,7 @@ class Passes:
         return level
 
     def pairs_of(self, level: int) -> Table[CheckedPairs]:
+        """The table of the pairs that check a level."""
         return Table(f"dsm_check/pairs/{level}.json", CheckedPairs)
 
     @property

@@ -68,6 +68,7 @@ class ParallaxRange:
 
     @classmethod
     def around(cls, low: float, high: float) -> "ParallaxRange":
+        """The narrowest such range that holds `low` to `high`, px."""
         return cls(int(np.floor(low / _UNIT)) * _UNIT, int(np.ceil(high / _UNIT)) * _UNIT)
 
 

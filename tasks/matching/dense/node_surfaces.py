@@ -67,6 +67,7 @@ class NodeLattice(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(rows, columns) of nodes."""
         return self.rows, self.cols
 
 

@@ -61,6 +61,7 @@ class ParallaxCode(IntEnum):
 
     @property
     def sentence(self) -> str:
+        """The code in words."""
         return _SENTENCES[self]
 
 

@@ -17,6 +17,7 @@ class BandCorrelation(Settings):
 
     @property
     def half(self) -> int:
+        """Half side of the template, px, without its middle pixel."""
         return self.template // 2
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orthomill.tasks.geometry.distortion import NO_LENS
 from orthomill.tasks.geometry.view import View, ViewNumbers
 from orthomill.tasks.matching.line_locus.window_correlation import GreyImage
 from orthomill.tasks.matching.volume.rectified_photograph import PhotographPixels, PlaneFrame, on_plane
@@ -54,10 +55,9 @@ def _frame(view: View, area: NodeArea, plane: float, pitch: float, half: int) ->
 
 def _on_plane(pixels: PhotographPixels, view: View, plane: float, frame: PlaneFrame) -> GreyImage:
     x, y, z = map(float, view.centre)
-    # A rectified image has no lens.
-    numbers = ViewNumbers._make((
+    numbers = ViewNumbers(
         1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, x, y, z,
         (z - plane) / frame.pitch, (x - frame.x) / frame.pitch, (frame.y - y) / frame.pitch,
-        *([0.0] * 15), float(frame.cols), float(frame.rows),
-    ))  # fmt: skip
+        NO_LENS, float(frame.cols), float(frame.rows),
+    )  # fmt: skip
     return GreyImage(on_plane(pixels, view, frame, plane), numbers)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.tasks.geometry.view import ViewNumbers, project_point
+from orthomill.tasks.geometry.view import ViewNumbers, project_point, view_of_row
 from orthomill.tasks.matching.least_squares.grey_values import EXACT
 
 _FLAT = 1e-4
@@ -47,9 +47,10 @@ class GreyImages(NamedTuple):
 
     @classmethod
     def of(cls, images: Sequence[GreyImage]) -> "GreyImages":
+        """Images of any size one behind the other."""
         sizes = np.cumsum([0, *(image.grey.size for image in images)])
         frames = [(first, *image.grey.shape) for first, image in zip(sizes, images, strict=False)]
-        numbers = [(*image.numbers, image.scale, image.col, image.row) for image in images]
+        numbers = [(*image.numbers.row(), image.scale, image.col, image.row) for image in images]
         pixels = np.concatenate([np.empty(0, np.float32), *(image.grey.ravel() for image in images)])
         return cls(
             pixels.astype(np.float32, copy=False), np.array(frames, np.int64).reshape(-1, 3), np.array(numbers).reshape(-1, 35)
@@ -64,25 +65,16 @@ class WindowBuffers(NamedTuple):
 
     @classmethod
     def of(cls, half: int) -> "WindowBuffers":
+        """Buffers for windows of 2 half + 1 pixels a side, not yet filled."""
         size = (2 * half + 1) ** 2
         return cls(np.empty(size, np.float32), np.empty(size, np.float32))
-
-
-@njit(inline="always")
-def _view(row):
-    """A view from the `row` of a table of numbers: numba makes no tuple of a variable length."""
-    return ViewNumbers(
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10], row[11], row[12], row[13],
-        row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21], row[22], row[23], row[24], row[25], row[26],
-        row[27], row[28], row[29], row[30], row[31],
-    )  # fmt: skip
 
 
 @njit(error_model="numpy")
 def image_place(images, k, x, y, z):
     """(col, row) of a ground point in image k, px of its part; NaN behind the camera."""
     row = images.numbers[k]
-    c, r, _ = project_point(_view(row), x, y, z)
+    c, r, _ = project_point(view_of_row(row), x, y, z)
     # Pixel p of a level has its centre at (p + 0.5) / scale - 0.5 of the full photograph.
     return (c + 0.5) * row[32] - 0.5 - row[33], (r + 0.5) * row[32] - 0.5 - row[34]
 

@@ -19,6 +19,7 @@ class TemplateCorrelation(Settings):
 
     @property
     def half(self) -> int:
+        """Half side of the template, px, without its middle pixel."""
         return self.template // 2
 
     @property

@@ -52,9 +52,11 @@ class NodeGrid:
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(rows, columns) of nodes."""
         return self.rows, self.cols
 
     def grown(self, nodes: int) -> "NodeGrid":
+        """The grid with so many nodes more on every side."""
         return NodeGrid(self.row - nodes, self.col - nodes, self.rows + 2 * nodes, self.cols + 2 * nodes, self.step)
 
     def points(self) -> np.ndarray:
@@ -75,6 +77,7 @@ class PreparedPair:
 
     @classmethod
     def of(cls, left: ImagePart, right: ImagePart, settings: LeastSquaresMatching) -> "PreparedPair":
+        """Both parts smoothed as the settings say."""
         return cls(prepare(left.pixels, settings), prepare(right.pixels, settings), left.origin, right.origin, settings)
 
     def match(

@@ -37,4 +37,5 @@ class HeightVolume(Settings):
 
     @property
     def half(self) -> int:
+        """Half side of the window, px, without its middle pixel."""
         return self.window // 2

@@ -33,6 +33,7 @@ class WindowGrowth(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int]:
+        """(N, sizes): of a table with a column for each half size."""
         return len(self.pixels), self.last - self.first + 2
 
 

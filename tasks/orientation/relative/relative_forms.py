@@ -63,6 +63,7 @@ class DependentOrientation:
 
     @property
     def unknowns(self) -> np.ndarray:
+        """(5,): b_y, b_z, omega, phi, kappa, radians."""
         return np.array([self.by, self.bz, self.omega, self.phi, self.kappa])
 
     @property
@@ -77,6 +78,7 @@ class DependentOrientation:
         return base / np.linalg.norm(base)
 
     def moved(self, correction: np.ndarray) -> "DependentOrientation":
+        """The orientation with a correction (5,) added to its unknowns."""
         return DependentOrientation(self.c_left, self.c_right, *(self.unknowns + correction))
 
     def evaluate(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -103,6 +105,7 @@ class FiveRotations:
 
     @property
     def unknowns(self) -> np.ndarray:
+        """(5,): kappa_1, kappa_2, phi_1, phi_2, omega_2, radians."""
         return np.array([self.kappa_1, self.kappa_2, self.phi_1, self.phi_2, self.omega_2])
 
     @property
@@ -126,6 +129,7 @@ class FiveRotations:
         return self.left[:, 0]
 
     def moved(self, correction: np.ndarray) -> "FiveRotations":
+        """The orientation with a correction (5,) added to its unknowns."""
         return FiveRotations(self.c_left, self.c_right, *(self.unknowns + correction))
 
     def evaluate(self, observations: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

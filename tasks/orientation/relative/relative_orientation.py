@@ -54,6 +54,7 @@ class GeneralOrientation:
         return np.linalg.svd(self.base[None])[2][1:]
 
     def moved(self, correction: np.ndarray) -> "GeneralOrientation":
+        """The orientation after a correction (5,), rad: base turned across itself, rotation turned by a vector."""
         base = self.base + correction[:2] @ self.across
         rotation = rotation_of_vector(correction[2:]) @ self.rotation
         return replace(self, base=base / np.linalg.norm(base), rotation=rotation)

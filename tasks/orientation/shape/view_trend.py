@@ -22,6 +22,7 @@ class ViewTrend:
 
     @property
     def ratio(self) -> float:
+        """The slope in standard errors."""
         return self.slope / max(self.sigma, 1e-300)
 
     @property

@@ -127,6 +127,7 @@ class BlockGrowth:
     slack = 2.0
 
     def place(self, photo: int, rotation: np.ndarray, centre: np.ndarray) -> None:
+        """Take a photograph into the block: rotation (3, 3), centre (3,)."""
         self.state.rotation[photo], self.state.centre[photo] = rotation, centre
         self.placed[photo] = True
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 from scipy import stats as distributions
 
+from orthomill.tasks.geometry.distortion import NO_LENS
 from orthomill.tasks.geometry.view import ViewNumbers
 from orthomill.tasks.matching.line_locus.height_search_settings import (
     FixedThreshold,
@@ -66,8 +67,8 @@ def unrelated(smoothing: float, threshold, window: int = 25):
 def vertical(x: float, side: int) -> ViewNumbers:
     half, c = (side - 1) / 2, 2362.0
     # The base is wider than the images: their frames are moved so that all of them show the ground about X = 0.
-    no_lens = (0,) * (len(ViewNumbers._fields) - 17)
-    return ViewNumbers._make(map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, 900, c, half + x * c / 800, half, *no_lens, side, side)))
+    placed = map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, 900, c, half + x * c / 800, half))
+    return ViewNumbers._make((*placed, NO_LENS, float(side), float(side)))
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 1.0, 2.0, 4.0])

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from orthomill.schemas.outcome import Outcome
+from orthomill.tasks.geometry.distortion import NO_LENS
 from orthomill.tasks.geometry.view import ViewNumbers
 from orthomill.tasks.matching.line_locus.height_search_settings import HeightSearch, rounds
 from orthomill.tasks.matching.line_locus.line_locus import NodeLines, found_heights
@@ -31,8 +32,8 @@ def camera(x: float) -> ViewNumbers:
     half = (SIDE - 1) / 2
     # The base is far wider than the images: their frames are moved so that all of them show the ground about X = 0.
     col0 = half + x * C / 800.0
-    no_lens = (0,) * (len(ViewNumbers._fields) - 17)
-    return ViewNumbers._make(map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, FLYING, C, col0, half, *no_lens, SIDE, SIDE)))
+    placed = map(float, (1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, FLYING, C, col0, half))
+    return ViewNumbers._make((*placed, NO_LENS, float(SIDE), float(SIDE)))
 
 
 def texture(seed: int = 1, smoothing: float = 1.5) -> np.ndarray:
