@@ -236,7 +236,7 @@ def _sight(n, frame, row, col):
     x = (frame.col + col - n.col0) / n.c
     y = (n.row0 - (frame.row + row)) / n.c
     # Undistorted once per pixel: the distortion hardly differs between its four rays.
-    return undistort_point(x, y, n)
+    return undistort_point(x, y, n.lens)
 
 
 @njit(inline="always")

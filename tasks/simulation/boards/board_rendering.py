@@ -138,7 +138,7 @@ def _floor_at(x, y, floor):
 @njit(inline="always")
 def _ray_at(view, x, y):
     """Undistorted image coordinates in units of c, and the downward component of their ray (with 1 along the optical axis)."""
-    x, y = undistort_point(x, y, view)
+    x, y = undistort_point(x, y, view.lens)
     return x, y, -(view.r13 * x + view.r23 * y - view.r33)
 
 

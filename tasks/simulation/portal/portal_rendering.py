@@ -114,7 +114,7 @@ def picture_cells(scene: LitScene, view: View, pixels: Window) -> Cells:
     col = np.linspace(pixels.col - 1.0, pixels.col + pixels.width, 9)
     row = np.linspace(pixels.row - 1.0, pixels.row + pixels.height, 9)
     border = np.array([(c, r) for c in col for r in row])
-    xy = np.array([undistort_point((c - n.col0) / n.c, (n.row0 - r) / n.c, n) for c, r in border]) * [1.0, -1.0]
+    xy = np.array([undistort_point((c - n.col0) / n.c, (n.row0 - r) / n.c, n.lens) for c, r in border]) * [1.0, -1.0]
     margin = 3.0 / n.c
     (left, upper), (right, lower) = xy.min(axis=0) - margin, xy.max(axis=0) + margin
     points = (scene.mesh.vertices - to_portal(view.centre)) @ (view.rotation @ turn()).T
@@ -173,7 +173,7 @@ def _cast_central(out, n, corner_px, centre, axes, cells, arrays, seed):
             for part in range(4):
                 x = corner_px[1] + col + (_SUBPIXEL if part % 2 else -_SUBPIXEL)
                 y = corner_px[0] + row + (_SUBPIXEL if part // 2 else -_SUBPIXEL)
-                a, b = undistort_point((x - n.col0) / n.c, (n.row0 - y) / n.c, n)
+                a, b = undistort_point((x - n.col0) / n.c, (n.row0 - y) / n.c, n.lens)
                 for k in range(3):
                     ray[k] = a * axes[0, k] + b * axes[1, k] - axes[2, k]
                 hit, far, share, other = nearest(cells, arrays[0], arrays[1], arrays[2], a, -b, centre, ray)
