@@ -197,7 +197,7 @@ class Job:
     # Declared, because the engine plans memory before a job runs and cannot see what NumPy and numba will allocate in it.
     scratch: int = 0
     """Working memory of the function beyond what it reads and writes, in bytes."""
-    way_out: str = "set a smaller 'tile' in the workflow"
+    remedy: str = "set a smaller 'tile' in the workflow"
     """What else than more memory lets the job fit a worker."""
 
     @property

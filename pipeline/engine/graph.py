@@ -277,9 +277,9 @@ def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> No
 def check_memory(planned: PlannedJob, room: int) -> None:
     """Raises ResourceError when a job needs more than `room` bytes, all that there is for a job that runs alone."""
     if planned.memory > room:
-        way_out = f"with --memory or {planned.job.way_out}" if isinstance(planned.job, Job) else "with --memory"
+        remedy = f"with --memory or {planned.job.remedy}" if isinstance(planned.job, Job) else "with --memory"
         raise ResourceError(
             f"The job {'/'.join(map(str, planned.key))} needs {planned.memory / MIB:.0f} MiB, of which every worker takes "
             f"{PROCESS_BYTES / MIB:.0f} MiB for itself, but a job that runs alone may use {room / MIB:.0f} MiB; give "
-            f"workers more memory {way_out}."
+            f"workers more memory {remedy}."
         )

@@ -329,5 +329,5 @@ def sample_tile(
         seen = visible_targets(model, view, targets, rules.tolerance)
         # No feather: a sample at the border is as good as any, and vignetting is seen best there.
         sampled = sample_photo(view, PhotoPixelsAt.of(pixels, part.window, part.level), ground, seen, 0.0)
-        rows.append(sample_rows(number, block.names.index(view.name), sampled.colour, sampled.worth, sampled.r2))
+        rows.append(sample_rows(number, block.names.index(view.name), sampled.colour, sampled.weight, sampled.r2))
     return seen_twice(rows)

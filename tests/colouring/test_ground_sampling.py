@@ -108,7 +108,7 @@ def border_distance(ground: Ground) -> np.ndarray:
 
 def test_the_feather_raises_the_weight_from_the_border():
     ground = flat()
-    plain, soft = sampled(ground).worth, sampled(ground, feather=60.0).worth
+    plain, soft = sampled(ground).weight, sampled(ground, feather=60.0).weight
     border = border_distance(ground)
     use = (plain > 0) & (border > 4)
     share = np.clip(border / 60.0, 0, 1)
@@ -118,15 +118,15 @@ def test_the_feather_raises_the_weight_from_the_border():
 
 def test_the_worth_is_independent_of_the_pyramid_level():
     fine, coarse = (sampled(flat(), level=level) for level in (0, 2))
-    both = (fine.worth > 0) & (coarse.worth > 0)
-    assert both.sum() > 20000 and np.array_equal(fine.worth[both], coarse.worth[both])
+    both = (fine.weight > 0) & (coarse.weight > 0)
+    assert both.sum() > 20000 and np.array_equal(fine.weight[both], coarse.weight[both])
 
 
 def test_worth_is_the_square_of_the_scale_for_vertical_rays():
     """Below the centre the area of a cell is (c / depth)^2 cell^2 in pixels."""
     vertical = replace(PHOTO, rotation=np.eye(3), camera=PHOTO.camera.changed(k1=0.0, k2=0.0))
     for height in (0.0, 50.0):
-        found = sampled(flat(height), photo=vertical).worth
+        found = sampled(flat(height), photo=vertical).weight
         depth = PHOTO.centre[2] - height
         assert found.max() == pytest.approx((400.0 / depth) ** 2, rel=2e-3)
 
@@ -137,18 +137,18 @@ def test_hidden_and_unmeasured_pixels_have_no_worth():
     seen = np.ones(ground.z.shape, np.uint8)
     seen[60:70] = 0
     found = sampled(ground, seen=seen)
-    assert not found.worth[100:110, 100:110].any() and not found.worth[60:70].any()
-    assert (found.worth[120, 100:140] > 0).all() and np.allclose(found.colour[found.worth > 0], 90, atol=1e-3)
+    assert not found.weight[100:110, 100:110].any() and not found.weight[60:70].any()
+    assert (found.weight[120, 100:140] > 0).all() and np.allclose(found.colour[found.weight > 0], 90, atol=1e-3)
 
 
 def test_the_squared_distance_is_one_in_the_corners_of_the_photo():
     found = sampled(flat())
-    assert 0.0 <= found.r2[found.worth > 0].min() < 1e-3
+    assert 0.0 <= found.r2[found.weight > 0].min() < 1e-3
     assert 0.8 < found.r2.max() <= 1.0
 
 
 def test_ground_above_the_camera_is_not_seen():
-    assert not sampled(flat(PHOTO.centre[2] + 10.0)).worth.any()
+    assert not sampled(flat(PHOTO.centre[2] + 10.0)).weight.any()
 
 
 def keys_by_hand(pixels: np.ndarray, col: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -181,7 +181,7 @@ def test_colours_agree_with_their_plain_twin_up_to_the_border(bands, kind, level
     shown = np.minimum.reduce([col, 419 - col, row, 419 - row]) >= 0
     col, row = (full_to_level(values, level) for values in (col, row))
     held = shown & (np.floor(col) - 1 >= part.col)
-    np.testing.assert_array_equal((found.worth > 0).ravel(), held)
+    np.testing.assert_array_equal((found.weight > 0).ravel(), held)
     expected = keys_by_hand(whole.astype(float), col[held], row[held])
     np.testing.assert_allclose(found.colour.reshape(-1, bands)[held], expected, atol=2e-6 * np.iinfo(kind).max)
     assert (col[held] > side - 2).any() and (row[held] < 1).any(), "some places need pixels beyond the border"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.camera import Camera
-from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WORTH
+from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WEIGHT
 from orthomill.tasks.colouring.sampling.surface_sampling import _show
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View
@@ -31,18 +31,18 @@ def twin(points: np.ndarray, normals: np.ndarray, facing: float, soft: float) ->
     area = CAMERA.c**2 * facing * (normals * offset).sum(axis=1) / depth**3
     middle = np.array([CAMERA.width - 1, CAMERA.height - 1]) / 2
     r2 = ((pixels - middle) ** 2).sum(axis=1) / (middle**2).sum()
-    return pixels, np.maximum(area * (3 * share**2 - 2 * share**3), LEAST_WORTH), r2
+    return pixels, np.maximum(area * (3 * share**2 - 2 * share**3), LEAST_WEIGHT), r2
 
 
 @pytest.mark.parametrize(("facing", "soft"), [(1.0, 36.0), (-1.0, 36.0), (1.0, 1e-9)])
 def test_pixels_weights_and_radii_agree_with_their_plain_twin(facing, soft):
     points, normals = surface()
     chosen = np.arange(0, len(points), 3)
-    pixels, worth, r2 = np.empty((len(chosen), 2)), np.empty(len(chosen), np.float32), np.empty(len(chosen), np.float32)
-    _show(VIEW.numbers, points, normals, chosen, facing, soft, pixels, worth, r2)
+    pixels, weight, r2 = np.empty((len(chosen), 2)), np.empty(len(chosen), np.float32), np.empty(len(chosen), np.float32)
+    _show(VIEW.numbers, points, normals, chosen, facing, soft, pixels, weight, r2)
     expected = twin(points[chosen], normals[chosen], facing, soft)
     behind = np.isnan(expected[0][:, 0])
-    assert 0.1 < behind.mean() < 0.6 and (expected[1] > 1.0).mean() > 0.1 and (expected[1] <= LEAST_WORTH).mean() > 0.2
+    assert 0.1 < behind.mean() < 0.6 and (expected[1] > 1.0).mean() > 0.1 and (expected[1] <= LEAST_WEIGHT).mean() > 0.2
     np.testing.assert_allclose(pixels, expected[0], atol=1e-9)
-    np.testing.assert_allclose(worth, expected[1], rtol=1e-6)
+    np.testing.assert_allclose(weight, expected[1], rtol=1e-6)
     np.testing.assert_allclose(r2, expected[2], rtol=1e-5)

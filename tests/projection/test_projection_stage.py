@@ -15,7 +15,7 @@ from orthomill.schemas.stage_contract import NotYet
 from orthomill.schemas.stage_report import Topic
 from orthomill.schemas.surface import HEIGHT, SURFACE, Surface
 from orthomill.tasks.colouring.blending.blending import RESERVE
-from orthomill.tasks.colouring.blending.reserves import ZONE_WORTH, fading, reserved
+from orthomill.tasks.colouring.blending.reserves import ZONE_WEIGHT, fading, reserved
 from orthomill.tasks.colouring.sight.sight_rasters import sight_tile
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.projection.frames.projection_frames import looking_at
@@ -296,8 +296,8 @@ def test_next_to_limits_colours_vote_while_the_others_are_few():
     assert reserved(weights, near).ravel().tolist() == [0.0, 0.0, 8.0, 2.0, 3.0]
     near[:3] = True
     # Two others do not: the light ones next to the limit vote as the heavy ones do.
-    assert reserved(weights, near).ravel() == pytest.approx([ZONE_WORTH * 3.0] * 3 + [2.0, 3.0])
-    assert ZONE_WORTH > RESERVE
+    assert reserved(weights, near).ravel() == pytest.approx([ZONE_WEIGHT * 3.0] * 3 + [2.0, 3.0])
+    assert ZONE_WEIGHT > RESERVE
     near[:] = True
     assert np.array_equal(reserved(weights, near), weights)
     unseen = np.where(np.arange(5)[:, None, None] == 0, np.float32(0.0), weights)

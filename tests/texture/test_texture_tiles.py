@@ -121,14 +121,14 @@ def test_worth_is_the_projected_area_of_the_surface_element(dx, dy):
     z = np.full(shape, 5.0, np.float32)
     ground = Ground(grid, Window(0, 0, 3, 3), z, np.full(shape, dx, np.float32), np.full(shape, dy, np.float32))
     pixels = PhotoPixelsAt(np.zeros((420, 420, 1), np.uint8), Window(0, 0, 420, 420), 0)
-    worth = sample_photo(plain, pixels, ground, np.ones(shape, np.uint8), 0.0).worth
+    weight = sample_photo(plain, pixels, ground, np.ones(shape, np.uint8), 0.0).weight
     x, y = grid.centres(ground.window)
     corners = np.array(
         [[x[1] + sx * 0.1, y[1] + sy * 0.1, 5.0 + dx * sx * 0.1 + dy * sy * 0.1] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     )
     c, r = plain.project(corners).T
     area = 0.5 * abs(sum(c[i] * r[(i + 1) % 4] - c[(i + 1) % 4] * r[i] for i in range(4)))
-    assert worth[1, 1] == pytest.approx(area, rel=1e-3)
+    assert weight[1, 1] == pytest.approx(area, rel=1e-3)
 
 
 def test_radiometry_finds_gain_offset_and_vignetting(radiometry):

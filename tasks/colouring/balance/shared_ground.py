@@ -30,10 +30,10 @@ class Samples(Columns):
         return np.column_stack([self.first, self.second, self.third]).astype(np.float64)
 
 
-def sample_rows(number: np.ndarray, photo: int, colour: np.ndarray, worth: np.ndarray, r2: np.ndarray) -> tuple[np.ndarray, ...]:
+def sample_rows(number: np.ndarray, photo: int, colour: np.ndarray, weight: np.ndarray, r2: np.ndarray) -> tuple[np.ndarray, ...]:
     """Columns of samples in one photograph, of the places (...) where its colour (..., bands) is worth something: `number` (...) of
     the places, `photo` in the block."""
-    known = worth > 0
+    known = weight > 0
     grey = np.broadcast_to(colour[known], (int(known.sum()), 3))
     return number[known], np.full(len(grey), photo), r2[known], *grey.T
 

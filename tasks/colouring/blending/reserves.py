@@ -6,9 +6,9 @@ Source: Petsa et al. 2007 (sources/blending.md): M10, M13.
 import numpy as np
 
 from orthomill.tasks.colouring.blending.blending import RESERVE
-from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WORTH
+from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WEIGHT
 
-ZONE_WORTH = 1.02 * RESERVE
+ZONE_WEIGHT = 1.02 * RESERVE
 """Weight next to the limit of what is hidden, of the greatest one there: such a colour hardly shows beside others, but still votes
 on gross errors, which two photographs alone could not find"""
 _CLEAR = 3
@@ -23,8 +23,8 @@ def reserved(weights: np.ndarray, near: np.ndarray) -> np.ndarray:
     clear = np.where(near, np.float32(0.0), weights)
     vote = (clear > 0).sum(axis=0) < _CLEAR
     greatest = clear.max(axis=0, initial=0.0)
-    worth = np.where(vote, np.float32(ZONE_WORTH) * greatest, np.float32(0.0))
-    return np.where(near & (weights > 0) & (greatest > 0), worth, weights)
+    weight = np.where(vote, np.float32(ZONE_WEIGHT) * greatest, np.float32(0.0))
+    return np.where(near & (weights > 0) & (greatest > 0), weight, weights)
 
 
 def fading(weights: np.ndarray) -> np.ndarray:
@@ -32,7 +32,7 @@ def fading(weights: np.ndarray) -> np.ndarray:
 
     They stay just above the share from which a colour is used at all: their vote on gross errors counts, their blur does not.
     """
-    share = weights / np.maximum(weights.max(axis=0, initial=0.0), np.float32(LEAST_WORTH))
+    share = weights / np.maximum(weights.max(axis=0, initial=0.0), np.float32(LEAST_WEIGHT))
     factor = np.clip((share - COARSE) / (FINE - COARSE), 0.0, 1.0)
     least = np.where(share > RESERVE, 1.01 * RESERVE / np.maximum(share, RESERVE), 1.0)
     return (weights * np.maximum(factor, np.minimum(least, 1.0))).astype(np.float32)

@@ -85,7 +85,7 @@ def tile_colours(surface: TilePoints, sight: np.ndarray, shown: ShownPhotographs
             near[k, sampled.at] = _zone_at(sampled.pixels, *windows[part.name])
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         colours[k, sampled.at] = in_block(sampled.colour, sampled.r2, part.name, radiometry)
-        weights[k, sampled.at] = sampled.worth
+        weights[k, sampled.at] = sampled.weight
     flat = len(parts), *shape
     near = near if windows else breaks.astype(np.uint8)
     return TileColours(colours.reshape(*flat, bands), weights.reshape(flat), breaks, near.reshape(flat))

@@ -185,8 +185,8 @@ def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
         # Ground that a roof hides would show the roof.
         seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
         sampled = photo.on(ground, seen.astype(np.float32), 0.0, total.shape[2])
-        total += sampled.worth[..., None] * sampled.colour
-        weights += sampled.worth
+        total += sampled.weight[..., None] * sampled.colour
+        weights += sampled.weight
     known = weights > 0
     colours = np.where(known[..., None], total / np.where(known, weights, 1)[..., None], np.float32(0)).astype(np.float32)
     sides = np.where(known, walls.side[at], Side.NEITHER).astype(np.uint8)

@@ -20,7 +20,7 @@ class BalancedPhotograph:
     balance: Radiometry
 
     def on(self, ground: Ground, factor: np.ndarray, feather: float, bands: int) -> Sampled:
-        """Colours (`bands` of them) and worth on the ground, as from `sample_photo`; 0 to 255 is the range of the block."""
+        """Colours (`bands` of them) and weight on the ground, as from `sample_photo`; 0 to 255 is the range of the block."""
         found = Sampled.nothing(ground.z.shape, bands)
         self.fill(found, ground, factor, feather)
         return found
@@ -33,7 +33,7 @@ class BalancedPhotograph:
             return
         sampled = sample_photo(self.view, self.part, ground, factor, feather)
         found.colour[:] = in_block(sampled.colour, sampled.r2, self.view.name, self.balance)
-        found.worth[:], found.r2[:] = sampled.worth, sampled.r2
+        found.weight[:], found.r2[:] = sampled.weight, sampled.r2
 
 
 def bands_of(photos: Sequence[BalancedPhotograph]) -> int:

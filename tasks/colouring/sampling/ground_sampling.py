@@ -1,4 +1,4 @@
-"""The colour that a photograph has for each ortho pixel, and the weight ("worth") of that colour.
+"""The colour that a photograph has for each ortho pixel, and the weight of that colour.
 
 Colour: bicubic (Keys 1981, a = -1/2, which reproduces a linear ramp exactly) at the projected place, lens distortion included.
 Worth: the area, in photo pixels, of the ortho cell's piece of surface as projected into the photograph (Petsa et al. 2007,
@@ -17,7 +17,7 @@ from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.colouring.balance.photo_radiometry import correct
 from orthomill.tasks.colouring.sampling.photograph_colours import (
-    LEAST_WORTH,
+    LEAST_WEIGHT,
     PhotoPixelsAt,
     border_colours,
     drop_gaps,
@@ -52,7 +52,7 @@ class Ground:
 
 
 class _Cells(NamedTuple):
-    """Ortho pixels for the kernels: the grid, the first row and column of the window, and the factor on the worth of
+    """Ortho pixels for the kernels: the grid, the first row and column of the window, and the factor on the weight of
     each pixel, 0 for those that are not sampled."""
 
     west: float
@@ -77,24 +77,24 @@ class _Samples(NamedTuple):
     """The arrays of `Sampled` for the kernel, which fills them."""
 
     colour: np.ndarray
-    worth: np.ndarray
+    weight: np.ndarray
     r2: np.ndarray
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
-    """Fills worth, 0 outside of the photograph, and r2 (cols) of the pixels of row i from column `first` on, at x (cols) and y;
+def _weigh_row(n, cells, limits, i, first, x, y, line, weight, r2):
+    """Fills weight, 0 outside of the photograph, and r2 (cols) of the pixels of row i from column `first` on, at x (cols) and y;
     line: their `FramedRow`."""
     # No branch, and float32: weights need no more digits, and twice as many pixels are computed at a time.
     zero, one, two, three = np.float32(0.0), np.float32(1.0), np.float32(2.0), np.float32(3.0)
-    last = first + worth.size
+    last = first + weight.size
     z, slope_x, slope_y = cells.z[i, first:last], cells.dx[i, first:last], cells.dy[i, first:last]
     factor = cells.factor[i, first:last]
     half_width, half_height = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     diagonal = np.float32(1.0 / (half_width**2 + half_height**2))
     scale, softness = np.float32((n.c * cells.cell) ** 2), np.float32(1.0 / max(limits.feather, 1e-30))
-    facing_least, least, dy = np.float32(LEAST_FACING), np.float32(LEAST_WORTH), np.float32(y - n.yc)
-    for j in range(worth.size):
+    facing_least, least, dy = np.float32(LEAST_FACING), np.float32(LEAST_WEIGHT), np.float32(y - n.yc)
+    for j in range(weight.size):
         dx, above = np.float32(x[j] - n.xc), np.float32(n.zc - z[j])
         off_col, off_row = np.float32(line.col[j] - half_width), np.float32(line.row[j] - half_height)
         border, inverse = np.float32(line.border[j]), np.float32(line.inverse[j])
@@ -103,7 +103,7 @@ def _weigh_row(n, cells, limits, i, first, x, y, line, worth, r2):
         # A smooth step: neither end of the feather leaves a visible edge.
         area = max(scale * facing * (inverse * inverse * inverse) * (share * share * (three - two * share)), least)
         inside = border >= zero
-        worth[j] = area * factor[j] if inside else zero
+        weight[j] = area * factor[j] if inside else zero
         r2[j] = (off_col * off_col + off_row * off_row) * diagonal if inside else zero
 
 
@@ -123,11 +123,11 @@ def _sample(part, n, cells, limits, correction, out):
             # A photograph often shows a corner of the tile only, and of a strip with a wall a few pixels are asked for.
             if not cells.factor[i, first:last].any():
                 continue
-            worth, r2, colour = out.worth[i, first:last], out.r2[i, first:last], out.colour[i, first:last]
+            weight, r2, colour = out.weight[i, first:last], out.r2[i, first:last], out.colour[i, first:last]
             frame_row(n, x[first:last], y, cells.z[i, first:last], limits.widest, places)
-            _weigh_row(n, cells, limits, i, first, x[first:last], y, places, worth, r2)
-            if inner_colours(flat, part.pixels.shape, part.origin, places, worth, colour):
-                border_colours(part.pixels, part.last, part.origin, places, worth, colour)
+            _weigh_row(n, cells, limits, i, first, x[first:last], y, places, weight, r2)
+            if inner_colours(flat, part.pixels.shape, part.origin, places, weight, colour):
+                border_colours(part.pixels, part.last, part.origin, places, weight, colour)
             if correction.size:
                 correct(colour, r2, correction)
 
@@ -136,13 +136,13 @@ def _sample(part, n, cells, limits, correction, out):
 class Sampled:
     """The samples of one photograph on the ground.
 
-    `colour` (rows, cols, bands) float32 grey values as recorded; `worth` (rows, cols) float32, photo px^2 times the border feather,
-    0 where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in half
-    diagonals.
+    `colour` (rows, cols, bands) float32 grey values as recorded; `weight` (rows, cols) float32, photo px^2 times the border
+    feather, 0 where the photograph does not see the pixel; `r2` (rows, cols) float32, squared distance from the photo's middle in
+    half diagonals.
     """
 
     colour: np.ndarray
-    worth: np.ndarray
+    weight: np.ndarray
     r2: np.ndarray
 
     @classmethod
@@ -164,7 +164,7 @@ def shown(view: View, ground: Ground, chosen: np.ndarray) -> np.ndarray:
 
 
 def sample_photo(view: View, photo: PhotoPixelsAt, ground: Ground, factor: np.ndarray, feather: float) -> Sampled:
-    """Colour and worth of every ground pixel whose `factor` (rows, cols) on the worth is not 0. `feather` is in full-size px."""
+    """Colour and weight of every ground pixel whose `factor` (rows, cols) on the weight is not 0. `feather` is in full-size px."""
     found = Sampled.nothing(ground.z.shape, photo.pixels.shape[2])
     sample_into(found, view, photo, ground, factor, feather, np.zeros((0, 0), np.float32))
     return found
@@ -177,10 +177,10 @@ def sample_into(
     if photo.pixels.size:
         part = part_pixels(photo, (view.camera.height, view.camera.width))
         limits = _Limits(FIELD_MARGIN * view.field, float(feather))
-        out = _Samples(found.colour, found.worth, found.r2)
+        out = _Samples(found.colour, found.weight, found.r2)
         _sample(part, view.numbers, _cells(ground, factor), limits, correction, out)
         if part.pixels.dtype == np.float32:
-            drop_gaps(found.colour, found.worth)
+            drop_gaps(found.colour, found.weight)
 
 
 @njit(inline="always")

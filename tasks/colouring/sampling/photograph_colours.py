@@ -15,7 +15,7 @@ from orthomill.tasks.imagery.cubic_vectors import three_bands
 from orthomill.tasks.imagery.masked_pixels import colours_of, picture_or_nan
 from orthomill.tasks.imagery.pyramid import level_shape
 
-LEAST_WORTH = 1e-12
+LEAST_WEIGHT = 1e-12
 """Weight of a colour at least: a visible place differs from an invisible one, even on the very border of the photograph."""
 
 
@@ -79,13 +79,13 @@ def _row_of_four(flat, first, bands, wx):
 
 
 @njit(error_model="numpy", fastmath={"contract"})
-def inner_colours(flat, shape, origin, line, worth, colour):
-    """Fills `colour` (cols, bands) at the places of `line` with worth whose 4 x 4 neighbours are among the pixels; returns how many
-    are not. flat: pixels of `shape` (rows, cols, bands) as one row; origin: as of `PartOrigin`."""
+def inner_colours(flat, shape, origin, line, weight, colour):
+    """Fills `colour` (cols, bands) at the places of `line` with weight whose 4 x 4 neighbours are among the pixels; returns how
+    many are not. flat: pixels of `shape` (rows, cols, bands) as one row; origin: as of `PartOrigin`."""
     height, width, bands = shape
     step, beside, missing = np.uint64(width * bands), np.uint64(bands), 0
-    for j in range(worth.size):
-        if not worth[j] > 0.0:
+    for j in range(weight.size):
+        if not weight[j] > 0.0:
             continue
         col, row = line.col[j] * origin.inverse + origin.offset, line.row[j] * origin.inverse + origin.offset
         c, r = int(np.floor(col)), int(np.floor(row))
@@ -109,14 +109,14 @@ def inner_colours(flat, shape, origin, line, worth, colour):
 
 
 @njit()
-def border_colours(pixels, last, origin, line, worth, colour):
+def border_colours(pixels, last, origin, line, weight, colour):
     """Fills what `inner_colours` leaves: beyond the border of the photograph its outermost pixels are repeated.
 
-    last: last row and column of the level. Where the part does not hold the neighbours, the worth becomes 0.
+    last: last row and column of the level. Where the part does not hold the neighbours, the weight becomes 0.
     """
     height, width, bands = pixels.shape
-    for j in range(worth.size):
-        if not worth[j] > 0.0:
+    for j in range(weight.size):
+        if not weight[j] > 0.0:
             continue
         col, row = line.col[j] * origin.inverse + origin.offset, line.row[j] * origin.inverse + origin.offset
         c, r = int(np.floor(col)), int(np.floor(row))
@@ -128,7 +128,7 @@ def border_colours(pixels, last, origin, line, worth, colour):
         low_col, high_col = max(left, -origin.col), min(right, last[1] - origin.col)
         low_row, high_row = max(top, -origin.row), min(bottom, last[0] - origin.row)
         if low_col < 0 or low_row < 0 or high_col >= width or high_row >= height:
-            worth[j] = 0.0
+            weight[j] = 0.0
             continue
         for band in range(bands):
             total = np.float32(0.0)
@@ -152,14 +152,14 @@ def colours_at(photo: PhotoPixelsAt, size: tuple[int, int], places: np.ndarray) 
     """Grey values (N, bands) float32 at places (N, 2) (col, row) of the photograph of `size` (rows, cols); and bool (N,) where the
     part holds all pixels that they need. NaN places have no colour."""
     colour = np.zeros((len(places), photo.pixels.shape[2]), np.float32)
-    worth = np.isfinite(places).all(axis=1).astype(np.float32)
+    weight = np.isfinite(places).all(axis=1).astype(np.float32)
     if photo.pixels.size and len(places):
         part, line = part_pixels(photo, size), PlaceLine(*np.ascontiguousarray(np.asarray(places, np.float64).T))
-        if inner_colours(part.pixels.reshape(-1), part.pixels.shape, part.origin, line, worth, colour):
-            border_colours(part.pixels, part.last, part.origin, line, worth, colour)
+        if inner_colours(part.pixels.reshape(-1), part.pixels.shape, part.origin, line, weight, colour):
+            border_colours(part.pixels, part.last, part.origin, line, weight, colour)
         if photo.pixels.dtype == np.float32:
-            drop_gaps(colour, worth)
-    return colour, (worth > 0) & bool(photo.pixels.size)
+            drop_gaps(colour, weight)
+    return colour, (weight > 0) & bool(photo.pixels.size)
 
 
 def most_bands(photos: Iterable[np.ndarray]) -> int:
@@ -168,8 +168,8 @@ def most_bands(photos: Iterable[np.ndarray]) -> int:
     return max((int(colours_of(pixels).shape[2]) for pixels in photos), default=1)
 
 
-def drop_gaps(colour: np.ndarray, worth: np.ndarray) -> None:
-    """Takes colour and worth from the places (...,) that are not all picture, whose colours (..., bands) are NaN."""
+def drop_gaps(colour: np.ndarray, weight: np.ndarray) -> None:
+    """Takes colour and weight from the places (...,) that are not all picture, whose colours (..., bands) are NaN."""
     gap = np.isnan(colour).any(axis=-1)
     if gap.any():
-        colour[gap], worth[gap] = 0.0, 0.0
+        colour[gap], weight[gap] = 0.0, 0.0

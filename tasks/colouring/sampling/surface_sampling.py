@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
-from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WORTH, PhotoPixelsAt, colours_at
+from orthomill.tasks.colouring.sampling.photograph_colours import LEAST_WEIGHT, PhotoPixelsAt, colours_at
 from orthomill.tasks.colouring.sight.sight_rasters import TilePoints
 from orthomill.tasks.geometry.view import View, project_point
 
@@ -25,7 +25,7 @@ class SampledPoints:
     at: np.ndarray
     pixels: np.ndarray
     colour: np.ndarray
-    worth: np.ndarray
+    weight: np.ndarray
     r2: np.ndarray
 
 
@@ -35,11 +35,11 @@ def sample_points(
     """What a photograph shows of the `chosen` (N,) bool points of a tile; `facing`: -1 for a mesh whose triangles face inwards;
     `border`: width of the soft border, px."""
     at, camera = np.flatnonzero(chosen), view.camera
-    pixels, worth, r2 = np.empty((at.size, 2)), np.empty(at.size, np.float32), np.empty(at.size, np.float32)
+    pixels, weight, r2 = np.empty((at.size, 2)), np.empty(at.size, np.float32), np.empty(at.size, np.float32)
     soft = max(border, 1e-9)
-    _show(view.numbers, surface.points, surface.normals, at, float(facing), soft, pixels, worth, r2)
+    _show(view.numbers, surface.points, surface.normals, at, float(facing), soft, pixels, weight, r2)
     colour, known = colours_at(part, (camera.height, camera.width), pixels)
-    return SampledPoints(surface.at[at], pixels, colour, worth * known, r2)
+    return SampledPoints(surface.at[at], pixels, colour, weight * known, r2)
 
 
 def of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
@@ -48,9 +48,9 @@ def of_tile(surface: TilePoints, values: np.ndarray) -> np.ndarray:
 
 
 @njit()
-def _show(n, points, normals, chosen, facing, soft, pixels, worth, r2):
-    """Fills `pixels` (M, 2), `worth` and `r2` (M,) of the `chosen` (M,) of points and unit normals (N, 3): where the view `n` shows
-    them, with which weight, and how far from its middle; `soft`: px of border."""
+def _show(n, points, normals, chosen, facing, soft, pixels, weight, r2):
+    """Fills `pixels` (M, 2), `weight` and `r2` (M,) of the `chosen` (M,) of points and unit normals (N, 3): where the view `n`
+    shows them, with which weight, and how far from its middle; `soft`: px of border."""
     right, bottom = 0.5 * (n.width - 1.0), 0.5 * (n.height - 1.0)
     corner = right * right + bottom * bottom
     for i in range(chosen.size):
@@ -63,5 +63,5 @@ def _show(n, points, normals, chosen, facing, soft, pixels, worth, r2):
         towards = normals[k, 0] * (n.xc - x) + normals[k, 1] * (n.yc - y) + normals[k, 2] * (n.zc - z)
         area = n.c * n.c * facing * towards / (depth * depth * depth)
         pixels[i, 0], pixels[i, 1] = col, row
-        worth[i] = max(area * border * border * (3.0 - 2.0 * border), LEAST_WORTH)
+        weight[i] = max(area * border * border * (3.0 - 2.0 * border), LEAST_WEIGHT)
         r2[i] = ((col - right) ** 2 + (row - bottom) ** 2) / corner

@@ -137,7 +137,7 @@ def _adjusted_jobs(asked: OrientationStage, view: ProjectView, tables: Tables) -
         writes=tables | {"separate": SEPARATE_BLOCKS},
         params=params,
         scratch=_AT_LEAST + array_bytes(_PER_RAY, rays),
-        way_out="use fewer tie points ('max_matched' of tie_points)",
+        remedy="use fewer tie points ('max_matched' of tie_points)",
     )
 
 

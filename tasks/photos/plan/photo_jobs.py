@@ -110,7 +110,7 @@ def _strip_jobs(photo: Photo, tile: int) -> Iterator[Job]:
             # As much for a copy that is turned, or for what a decoder holds that needs all rows: the coefficients of a
             # progressive JPEG have 16 bits.
             scratch=array_bytes(2, window, photo.stored_bands),
-            way_out=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
+            remedy=f"save {photo.path} as a tiled TIFF or, if it is a progressive JPEG or an interlaced PNG, as a plain one",
         )
 
 

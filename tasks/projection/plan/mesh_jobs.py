@@ -47,7 +47,7 @@ def mesh_job(view: ProjectView, surface: MeshSurface | SimulatedMesh | HeightMod
         writes={**_MESH, "census": CENSUS},
         params={"unit": surface.unit, "shift": surface.shift, "y_up": surface.y_up, "systems": (surface.crs, view.project.crs)},
         scratch=512 * MIB,
-        way_out="decimate the mesh",
+        remedy="decimate the mesh",
     )
 
 
@@ -63,7 +63,7 @@ def _height_mesh(view: ProjectView, every: int) -> Job:
         writes={**_MESH, "census": CENSUS},
         params={"grid": grid, "every": every},
         scratch=array_bytes(700, grid) // every**2,
-        way_out="set a larger 'every' of the surface",
+        remedy="set a larger 'every' of the surface",
     )
 
 

@@ -168,7 +168,7 @@ def sample_surface(
         seen = of_tile(surface, sight[..., tile.names.index(part.name)]) == PlaceSight.SEEN
         # No soft border: a sample there is as good as any, and vignetting is seen best there.
         found = sample_points(view, PhotoPixelsAt.of(pixels, part.window, part.level), surface, seen, facing.sign, 0.0)
-        columns.append(sample_rows(number[found.at], block.names.index(part.name), found.colour, found.worth, found.r2))
+        columns.append(sample_rows(number[found.at], block.names.index(part.name), found.colour, found.weight, found.r2))
     return seen_twice(columns)
 
 
