@@ -26,6 +26,8 @@ SURE = 3.0
 """standard errors that the step between two neighbours of ground must have to tell ground from objects"""
 _LEAST_ROOF = 1.5
 """m: half the width of the least roof"""
+_WIDEST_CORE = 96
+"""cells along it at most: on a grid of millimetres a smaller patch tells a roof, or the surroundings of a tile fill the memory"""
 _ROOF_RIM = 8
 """cells around the core of a roof at which the photographs see neither roof nor ground"""
 
@@ -102,7 +104,7 @@ class TerrainRules:
     @property
     def roofs(self) -> RoofRules:
         """In cells of the surface."""
-        return RoofRules(max(round(_LEAST_ROOF / self.cell), 1), _ROOF_RIM)
+        return RoofRules(min(max(round(_LEAST_ROOF / self.cell), 1), _WIDEST_CORE), _ROOF_RIM)
 
 
 class TerrainTile(NamedTuple):

@@ -9,8 +9,8 @@ Source for the classes: ASPRS, LAS Specification 1.4 - R15.
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-from scipy import ndimage
 
 from orthomill.schemas.bare_ground import CellClass, TerrainCode
 
@@ -46,8 +46,12 @@ def roof_cells(above: np.ndarray, sigma: np.ndarray, measured: np.ndarray, cell:
     # A plane leaves no second difference; the median of four of them forgives a ridge, not a crown.
     bends = np.stack([np.abs(_second_difference(above, step)) for step in ((0, 1), (1, 0), (1, 1), (1, -1))])
     flat = high & (np.nan_to_num(np.median(bends, axis=0), nan=np.inf) <= np.maximum(_FLAT * sigma, _LEAST_FLATNESS * cell))
-    core = ndimage.binary_opening(flat, _disc(rules.core))
-    return ndimage.binary_dilation(core, _disc(rules.rim))
+    # Distances cost the same for any disc; a structuring element of some hundred cells takes minutes and gigabytes.
+    # Nothing is known beyond the window: there is no roof.
+    bent = np.pad(~flat, 1, constant_values=True)
+    middles = _squared_distance(bent)[1:-1, 1:-1] > rules.core**2
+    core = _squared_distance(middles) <= rules.core**2
+    return _squared_distance(core) <= rules.rim**2
 
 
 def _second_difference(values: np.ndarray, step: tuple[int, int]) -> np.ndarray:
@@ -62,9 +66,12 @@ def _second_difference(values: np.ndarray, step: tuple[int, int]) -> np.ndarray:
     return out
 
 
-def _disc(radius: int) -> np.ndarray:
-    row, col = np.ogrid[-radius : radius + 1, -radius : radius + 1]
-    return row**2 + col**2 <= radius**2
+def _squared_distance(there: np.ndarray) -> np.ndarray:
+    """Of every cell (rows, cols) to the nearest one that is `there`, in cells squared."""
+    if not there.any():
+        return np.full(there.shape, np.inf)
+    away = cv2.distanceTransform((~there).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.rint(away.astype(np.float64) ** 2)
 
 
 def terrain_codes(there: np.ndarray, measured: np.ndarray, bridged: np.ndarray, above: np.ndarray, roof: np.ndarray) -> np.ndarray:
