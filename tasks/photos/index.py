@@ -47,6 +47,7 @@ from orthomill.tasks.photos.tags.instruments import (
 )
 from orthomill.tasks.photos.tags.places import place_of
 from orthomill.tasks.photos.tags.remarks import SAME_SHAPE, file_remarks, tag_remarks
+from orthomill.tasks.photos.tags.repeated_places import counted_once, repetitions
 from orthomill.tasks.photos.tags.times import with_one_clock
 
 _DIGITAL = Digital(kind="digital")
@@ -213,7 +214,8 @@ def _placed(photos: list[Photo], crs: str, positions: Positions, text: str, own:
         return Positioned(*placed_by_file(plain, text, positions if positions.kind == "file" else None, crs))
     # Strays are removed before projecting: a tag in another hemisphere would lie outside the CRS and refuse the whole project.
     photos, strays = _without_strays(photos)
-    placed = _placed_by_gps(photos, crs, {path: _stated(positions, sigma) for path, sigma in own.items()})
+    stated = {photo.path: _stated(positions, own[photo.path]) for photo in photos}
+    placed = _placed_by_gps(photos, crs, counted_once(stated, repetitions(photos)))
     placed, heights = with_heights_of_crs(placed, crs, positions.crs)
     return Positioned(placed, strays, None, heights)
 

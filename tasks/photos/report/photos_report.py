@@ -121,7 +121,8 @@ _SENTENCES = {
     ),
     PhotoRemarkCode.SAME_PLACE: (
         "By their GPS tags {count} ({names}) were taken at one and the same place, to the last digit: the receiver stood still, or "
-        "repeated its last position. If they were taken in flight, leave these positions out (a file of positions without them)."
+        "repeated its last position. Together they weigh as one position; where photographs of a flight repeat a place that they "
+        "have left, leave these positions out (a file of positions without them)."
     ),
     PhotoRemarkCode.HEIGHT_KINDS_MIXED: (
         "The heights of the photographs refer to different surfaces ({words}), which may be tens of metres apart: bring them to "

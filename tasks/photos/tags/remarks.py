@@ -13,13 +13,12 @@ from orthomill.tasks.photos.tags.fixes import BY_CODE, position_sigma
 from orthomill.tasks.photos.tags.heights import height_of
 from orthomill.tasks.photos.tags.instruments import several_serials
 from orthomill.tasks.photos.tags.places import places_apart
+from orthomill.tasks.photos.tags.repeated_places import LEAST, repetitions
 
 _FOUND = {"fixed": "fixed", "float": "float", "single": "without corrections", "none": "without RTK", None: "of unknown precision"}
 _STATED = "of stated accuracy"
 _NO_FIX = 1.0
 """m: no standard error of a fixed solution of carrier phases is as large"""
-_REPEATED = 3
-"""Photographs in one place to the last digit, which is no chance in flight"""
 _ELSEWHERE = 50.0
 """m in plan: two tags that are farther apart are not one place rounded or taken a moment later"""
 _OTHER_EQUIVALENT = 1.1
@@ -170,12 +169,11 @@ def _other_equivalents(photos: list[Photo]) -> Iterator[PhotoRemark]:
 
 
 def _same_place(photos: list[Photo]) -> Iterator[PhotoRemark]:
-    """Photographs that share their place to the last digit, in a flight from place to place."""
-    count = Counter((photo.longitude, photo.latitude) for photo in photos if photo.position)
-    if len(count) < _REPEATED:
-        return
-    repeated = [photo for photo in photos if count[photo.longitude, photo.latitude] >= _REPEATED]
-    yield from _of(PhotoRemarkCode.SAME_PLACE, repeated)
+    """Photographs that share their place to the last digit, in a block of several places."""
+    times = repetitions([photo for photo in photos if photo.position])
+    repeated = [photo for photo in photos if times.get(photo.path, 1) > 1]
+    if len({(photo.longitude, photo.latitude) for photo in photos if photo.position}) >= LEAST:
+        yield from _of(PhotoRemarkCode.SAME_PLACE, repeated)
 
 
 def _of(code: PhotoRemarkCode, photos: list[Photo], words: Iterable[str] = ()) -> Iterator[PhotoRemark]:

@@ -188,6 +188,17 @@ def test_exchanged_latitude_and_longitude_in_the_tags_are_told():
 def test_a_receiver_that_repeats_its_last_position_is_told():
     photos = block(*(header(str(i), min(i, 4)) for i in range(8)))
     assert "4 photographs (4, 5, 6, 7) were taken at one and the same place" in said(photos, PhotoRemarkCode.SAME_PLACE)
+    assert "Together they weigh as one position" in said(photos, PhotoRemarkCode.SAME_PLACE)
+
+
+def test_photographs_of_one_place_weigh_as_one_position():
+    photos = block(*(header(str(i), min(i, 4)) for i in range(8))).photos
+    alone, repeated = photos[0].position_sigma, [photo.position_sigma for photo in photos[4:]]
+    assert photos[3].position_sigma == alone
+    weights = np.sum(1.0 / np.square(repeated), axis=0)
+    np.testing.assert_allclose(weights, 1.0 / np.square(alone))
+    twice = block(*(header(str(i), i // 2) for i in range(6))).photos
+    assert {photo.position_sigma for photo in twice} == {alone}
 
 
 def test_heights_of_two_surfaces_in_one_flight_are_told():
