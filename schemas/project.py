@@ -380,7 +380,7 @@ class MapSurface(Settings):
         "auto",
         "Where the surface is made, checked and textured: x and y of the lower left corner, then of the upper right one, or a file "
         "of polygons (GeoPackage, GeoJSON), relative to the project's root. Nothing is matched outside. auto: all ground that "
-        "pairs of photographs see.",
+        "pairs of photographs see, but for background that they see in pixels three times as coarse as usual.",
         "m",
     )
     origin: tuple[float, float] = setting(

@@ -1,4 +1,4 @@
-"""Where on the map something is wanted: polygons that a client has drawn."""
+"""Where on the map something is wanted: polygons that a client has drawn, or what a block shows well."""
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -40,5 +40,5 @@ def _cross(ring: np.ndarray, x: np.ndarray, y: np.ndarray, odd: np.ndarray) -> N
     for (x1, y1), (x2, y2) in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         if y1 != y2:
             # Half-open, so that a corner is crossed once and not twice.
-            crossed = (min(y1, y2) <= y) & (y < max(y1, y2))
-            odd ^= crossed & (x < x1 + (y - y1) * (x2 - x1) / (y2 - y1))
+            crossed = ((min(y1, y2) <= y) & (y < max(y1, y2)))[:, 0]
+            odd[crossed] ^= x < x1 + (y[crossed] - y1) * (x2 - x1) / (y2 - y1)

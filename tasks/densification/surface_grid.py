@@ -1,5 +1,6 @@
 """The map grid of the surface model: the ground that the pairs see, in cells of a round size."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,11 @@ from orthomill.schemas.observations import GroundPoints
 from orthomill.schemas.orientation import Area, Block, in_area
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Surface, round_cell_size
+from orthomill.tasks.densification.well_seen_ground import well_seen_ground
 from orthomill.tasks.geometry.normal_case import Side, corner_rays
 
+Corners = tuple[np.ndarray, np.ndarray]
+"""the lower left and the upper right one, (2,) m"""
 _STRAY = 0.01
 """share of tie points that may lie anywhere, on each side"""
 _WHOLE = 1e-6
@@ -33,7 +37,8 @@ def surface_of(
     block: Block, pairs: EpipolarPairs, points: GroundPoints, wish: GridWish, wanted: WantedArea | None = None
 ) -> Surface:
     """The grid over the union of what the pairs see, in the area of the block where it has one, or over the area that is asked for:
-    that of the wish, or the bounds of polygons that are drawn; else no farther from tie points than a photograph is wide.
+    that of the wish, or the bounds of polygons that are drawn; else no farther from tie points than a photograph is wide, and only
+    where the ground is seen well.
 
     Raises GeometryError when there is no pair, when no pair sees common ground, or none in the area.
     """
@@ -44,22 +49,18 @@ def surface_of(
             "No pair of photographs is suitable for matching, so there is no surface model; the epipolar report gives the reasons."
         )
     # The median: one oblique or high pair must not set the resolution of the whole surface.
-    cell = wish.cell or round_cell_size(float(np.median([_pixel_at(pair, _level(block, points)) for pair in pairs.pairs])))
+    level = _level(block, points)
+    pixel = float(np.median([_pixel_at(pair, level) for pair in pairs.pairs]))
+    cell = wish.cell or round_cell_size(pixel)
     low, high = height_bounds(pairs)
-    bounds = np.array([pair_bounds(pair, block.ground_low, block.ground_high) for pair in pairs.pairs])
-    low_corner, high_corner = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
-    area = wish.area or block.area
-    if area is not None:
-        inner = np.maximum(low_corner, area[:2]), np.minimum(high_corner, area[2:])
-        if not (inner[0] < inner[1]).all():
-            where = "that is asked for" if wish.area else "of the plane"
-            raise GeometryError(f"The pairs of photographs see no ground in the area {where}, {_corners(area)}; move it (grid).")
-        # A client's sheet is as large as it is named, also where nothing is seen of it.
-        low_corner, high_corner = (np.array(wish.area[:2]), np.array(wish.area[2:])) if wish.area else inner
+    low_corner, high_corner = _seen_by_pairs(block, pairs)
+    if area := wish.area or block.area:
+        low_corner, high_corner = _in_area((low_corner, high_corner), area, wish.area is not None)
     elif len(points.x):
-        lowest, highest = _tied_ground(pairs, points, _level(block, points))
-        tied = np.maximum(low_corner, lowest), np.minimum(high_corner, highest)
-        low_corner, high_corner = tied if (tied[0] < tied[1]).all() else (low_corner, high_corner)
+        low_corner, high_corner = _within((low_corner, high_corner), _tied_ground(pairs, points, level))
+        wanted = well_seen_ground(block, (*low_corner, *high_corner), level, pixel)
+        if wanted.polygons:
+            low_corner, high_corner = _within((low_corner, high_corner), np.reshape(wanted.bounds, (2, 2)))
     # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
     origin = np.array(wish.origin)
     low_cells, high_cells = (low_corner - origin) / cell, (high_corner - origin) / cell
@@ -73,7 +74,27 @@ def surface_of(
     return Surface(grid=grid, height_low=low, height_high=high, wanted=wanted or WantedArea())
 
 
-def _tied_ground(pairs: EpipolarPairs, points: GroundPoints, z: float) -> tuple[np.ndarray, np.ndarray]:
+def _seen_by_pairs(block: Block, pairs: EpipolarPairs) -> Corners:
+    bounds = np.array([pair_bounds(pair, block.ground_low, block.ground_high) for pair in pairs.pairs])
+    return bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
+
+
+def _in_area(corners: Corners, area: Area, asked: bool) -> Corners:
+    inner = np.maximum(corners[0], area[:2]), np.minimum(corners[1], area[2:])
+    if not (inner[0] < inner[1]).all():
+        where = "that is asked for" if asked else "of the plane"
+        raise GeometryError(f"The pairs of photographs see no ground in the area {where}, {_corners(area)}; move it (grid).")
+    # A client's sheet is as large as it is named, also where nothing is seen of it.
+    return (np.array(area[:2]), np.array(area[2:])) if asked else inner
+
+
+def _within(corners: Corners, bounds: Sequence[np.ndarray]) -> Corners:
+    """The lower and the upper corner (2,) m of what two rectangles share; the first of them where they share nothing."""
+    low, high = np.maximum(corners[0], bounds[0]), np.minimum(corners[1], bounds[1])
+    return (low, high) if (low < high).all() else corners
+
+
+def _tied_ground(pairs: EpipolarPairs, points: GroundPoints, z: float) -> Corners:
     """The corners (2,), (2,) m of the ground on which tie points lie, but for stray ones, wider by an image on every side.
 
     Photographs that look along the ground see it for miles, in pixels of metres that no tie point holds: a walk about a tree had a

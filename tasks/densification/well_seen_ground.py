@@ -1,0 +1,76 @@
+"""The ground that a block shows well enough for a surface.
+
+Photographs that look along the ground see it to the horizon, in pixels that grow with the square of the distance. What two
+photographs show in pixels much coarser than those of the block is its background: matching it gives heights as long as they are
+wrong, and an orthoimage of streaks. Photographs that look down show no such ground.
+"""
+
+import numpy as np
+
+from orthomill.schemas.maps.wanted_area import Ring, WantedArea
+from orthomill.schemas.orientation import Area, Block
+from orthomill.tasks.geometry.view import view_of
+
+COARSEST = 3.0
+"""pixels of the block along the pixel of a photograph on the ground, of the second best that shows a place"""
+_SIDE = 64
+"""squares along a side that are looked at"""
+Rectangle = tuple[float, float, float, float]
+
+
+def well_seen_ground(block: Block, bounds: Area, level: float, pixel: float) -> WantedArea:
+    """Where two photographs show the ground at the height `level` (m) in pixels no coarser than `COARSEST` times the `pixel` (m) of
+    the block, within `bounds` (west, south, east, north) m; everywhere where all that two see is so, or nothing is."""
+    west, south, east, north = bounds
+    x, y = (np.linspace(low, high, _SIDE + 1) for low, high in ((west, east), (south, north)))
+    middle = np.meshgrid(0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
+    size = _second_smallest_pixel(block, np.column_stack([*(v.ravel() for v in middle), np.full(_SIDE**2, level)]))
+    seen, well = np.isfinite(size), size <= COARSEST * pixel
+    if not well.any() or (well == seen).all():
+        return WantedArea()
+    wide = _with_neighbours(well.reshape(_SIDE, _SIDE))
+    return WantedArea(polygons=(tuple(_ring(*box) for box in _rectangles(wide, x, y)),))
+
+
+def _second_smallest_pixel(block: Block, points: np.ndarray) -> np.ndarray:
+    """Of ground points (N, 3) m, the longer side of the pixel of the second best photograph on level ground (N,) m; inf where fewer
+    show it."""
+    best, second = np.full(len(points), np.inf), np.full(len(points), np.inf)
+    for photo in block.photos:
+        view = view_of(photo, block.camera_of(photo.photo))
+        away = view.centre - points
+        shown = view.contains(view.project(points)) & (away[:, 2] > 0)
+        with np.errstate(divide="ignore"):
+            size = np.where(shown, (away**2).sum(axis=1) / (np.abs(away[:, 2]) * view.camera.c), np.inf)
+        second = np.minimum(second, np.maximum(best, size))
+        best = np.minimum(best, size)
+    return second
+
+
+def _with_neighbours(squares: np.ndarray) -> np.ndarray:
+    """Squares (rows, cols) bool and those that touch them: what lies on the border of a square belongs to the block."""
+    padded, out = np.pad(squares, 1), np.zeros_like(squares)
+    rows, cols = squares.shape
+    for down in range(3):
+        for right in range(3):
+            out |= padded[down : down + rows, right : right + cols]
+    return out
+
+
+def _rectangles(squares: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[Rectangle]:
+    """West, south, east, north of rectangles that make up the squares (rows, cols) between the borders `x` (cols + 1,), `y`
+    (rows + 1,), and overlap nowhere."""
+    found: list[Rectangle] = []
+    growing: dict[tuple[int, int], int] = {}
+    for row in range(len(squares) + 1):
+        edges = np.flatnonzero(np.diff(np.pad(squares[row].astype(np.int8), 1))) if row < len(squares) else np.zeros(0, int)
+        runs = set(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+        for run in [run for run in growing if run not in runs]:
+            found.append((float(x[run[0]]), float(y[growing.pop(run)]), float(x[run[1]]), float(y[row])))
+        for run in sorted(runs):
+            growing.setdefault(run, row)
+    return found
+
+
+def _ring(west: float, south: float, east: float, north: float) -> Ring:
+    return ((west, south), (east, south), (east, north), (west, north))

@@ -1,0 +1,73 @@
+"""What of the ground is background: photographs that look along it, photographs that look down, and rectangles of squares."""
+
+import numpy as np
+import pytest
+
+from orthomill.schemas.camera import Camera
+from orthomill.schemas.maps.wanted_area import WantedArea
+from orthomill.schemas.orientation import Block, ExteriorOrientation
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.densification.well_seen_ground import COARSEST, _rectangles, _ring, well_seen_ground
+
+CAMERA = Camera(name="one", width=1000, height=800, c=1000.0, x0=0.0, y0=0.0)
+HEIGHT = 10.0
+
+
+def block(*poses: tuple[tuple[float, float], float]) -> Block:
+    """Photographs at places (x, y), 10 m above the ground, that look to the north, so many degrees off the nadir."""
+    photos = tuple(
+        ExteriorOrientation(photo=str(i), centre=(x, y, HEIGHT), omega_phi_kappa=(tilt, 0.0, 0.0), sigma=(0.1,) * 6)
+        for i, ((x, y), tilt) in enumerate(poses)
+    )
+    return Block(
+        crs="EPSG:32634",
+        cameras={"one": CAMERA},
+        of_photo={photo.photo: "one" for photo in photos},
+        photos=photos,
+        datum="free",
+        sigma0_px=0.3,
+        redundancy=100,
+        iterations=3,
+        ground_low=0.0,
+        ground_high=0.0,
+    )
+
+
+def test_photographs_that_look_down_leave_nothing_out():
+    flight = block(*(((float(x), 0.0), tilt) for x, tilt in ((0, -4.0), (3, 5.0), (6, 0.0))))
+    assert well_seen_ground(flight, (-20.0, -20.0, 30.0, 20.0), 0.0, HEIGHT / CAMERA.c) == WantedArea()
+
+
+def test_what_is_seen_along_the_ground_is_left_out():
+    walk, bounds = block(((-1.0, 0.0), 55.0), ((1.0, 0.0), 55.0)), (-100.0, 0.0, 100.0, 200.0)
+    pixel = np.hypot(HEIGHT, 14.0) / CAMERA.c
+    wanted = well_seen_ground(walk, bounds, 0.0, pixel)
+    grid = MapGrid(west=-100.0, north=200.0, cell=0.5, rows=400, cols=400)
+    inside = wanted.cells(grid, Window(0, 0, 400, 400))
+    x, y = grid.centres(Window(0, 0, 400, 400))
+    # d^2 / (h c) is the pixel along the view.
+    coarse = (x[None, :] ** 2 + y[:, None] ** 2 + HEIGHT**2) / (HEIGHT * CAMERA.c) / pixel
+    assert inside.any() and coarse[inside].max() < 1.6 * COARSEST, "squares, and those that touch them"
+    middle = np.abs(x) < 2.0
+    assert inside[:, middle][(coarse < 0.9 * COARSEST)[:, middle] & (y > 6.0)[:, None]].all()
+    assert not inside[coarse > 2.0 * COARSEST].any()
+
+
+def test_a_block_of_nothing_but_background_is_kept_whole():
+    walk = block(((-1.0, 0.0), 70.0), ((1.0, 0.0), 70.0))
+    assert well_seen_ground(walk, (-100.0, 100.0, 100.0, 200.0), 0.0, HEIGHT / CAMERA.c) == WantedArea()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_rectangles_are_the_squares_and_overlap_nowhere(seed):
+    squares = np.random.default_rng(seed).random((7, 9)) < 0.6
+    x, y = np.arange(10.0), np.arange(8.0)
+    boxes = _rectangles(squares, x, y)
+    covered = np.zeros(squares.shape, int)
+    for west, south, east, north in boxes:
+        covered[int(south) : int(north), int(west) : int(east)] += 1
+    np.testing.assert_array_equal(covered, squares.astype(int))
+    area = WantedArea(polygons=(tuple(_ring(*box) for box in boxes),))
+    grid = MapGrid(west=0.0, north=7.0, cell=0.5, rows=14, cols=18)
+    expected = np.repeat(np.repeat(squares[::-1], 2, axis=0), 2, axis=1)
+    np.testing.assert_array_equal(area.cells(grid, Window(0, 0, 14, 18)), expected)
