@@ -1,6 +1,5 @@
 """The map grid of the surface model: the ground that the pairs see, in cells of a round size."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,7 +59,8 @@ def surface_of(
         low_corner, high_corner = _within((low_corner, high_corner), _tied_ground(pairs, points, level))
         wanted = well_seen_ground(block, (*low_corner, *high_corner), level, pixel)
         if wanted.polygons:
-            low_corner, high_corner = _within((low_corner, high_corner), np.reshape(wanted.bounds, (2, 2)))
+            bounds = np.array(wanted.bounds)
+            low_corner, high_corner = _within((low_corner, high_corner), (bounds[:2], bounds[2:]))
     # Whole multiples of the cell: surfaces of repeated surveys then lie on one grid and can be subtracted cell by cell.
     origin = np.array(wish.origin)
     low_cells, high_cells = (low_corner - origin) / cell, (high_corner - origin) / cell
@@ -88,7 +88,7 @@ def _in_area(corners: Corners, area: Area, asked: bool) -> Corners:
     return (np.array(area[:2]), np.array(area[2:])) if asked else inner
 
 
-def _within(corners: Corners, bounds: Sequence[np.ndarray]) -> Corners:
+def _within(corners: Corners, bounds: Corners) -> Corners:
     """The lower and the upper corner (2,) m of what two rectangles share; the first of them where they share nothing."""
     low, high = np.maximum(corners[0], bounds[0]), np.minimum(corners[1], bounds[1])
     return (low, high) if (low < high).all() else corners

@@ -14,6 +14,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.tasks.epipolar.row_precision import border_points, by_interior, joint_covariance
 from orthomill.tasks.geometry.normal_case import intersect_pair
@@ -26,7 +27,8 @@ _STEPS = (1e-3,) * 3 + (1e-7,) * 3
 
 def height_sigmas(pair: EpipolarPair, block: Block) -> tuple[float, ...]:
     """(9,) m: standard errors of heights by the orientation, at the rows (top, middle, bottom) and columns (left, middle, right) of
-    the left image, at the mean parallax. Empty where the orientation has no covariance."""
+    the left image, at the mean parallax; where a photograph shows no such place, the largest of the others. Empty where the
+    orientation has no covariance. Raises GeometryError where no place is in front of both photographs."""
     photos = block.of(pair.left), block.of(pair.right)
     if any(photo.covariance is None for photo in photos):
         return ()
@@ -37,11 +39,18 @@ def height_sigmas(pair: EpipolarPair, block: Block) -> tuple[float, ...]:
     ground = intersect_pair(pair, pixels, parallax)
     cameras = tuple(dict.fromkeys(block.of_photo[photo.photo] for photo in photos))
     by_point, by_orientation = _derivatives(block, photos, cameras, ground)
+    # The epipolar images are wider than the photographs: where these are turned far, a corner lies behind one of them.
+    shown = np.isfinite(by_point).all(axis=(1, 2)) & np.isfinite(by_orientation).all(axis=(1, 2))
+    if not shown.any():
+        raise GeometryError("nothing at the mean of its heights lies in front of both photographs")
+    by_point, by_orientation = by_point[shown], by_orientation[shown]
     # Least squares and not an exact intersection: the two rays give four equations for three coordinates.
     influence = -np.linalg.pinv(by_point)[:, 2:3] @ by_orientation
     variance = np.einsum("nij,jk,nik->n", influence, joint_covariance(block, photos, cameras), influence)
     # Rounding in a nearly singular covariance (free datum) can leave a tiny negative variance.
-    return tuple(np.sqrt(np.maximum(variance, 0.0)).tolist())
+    sigma = np.full(len(xy), np.sqrt(max(variance.max(), 0.0)))
+    sigma[shown] = np.sqrt(np.maximum(variance, 0.0))
+    return tuple(sigma.tolist())
 
 
 def _derivatives(

@@ -44,6 +44,19 @@ def test_a_common_error_of_the_datum_is_the_error_of_the_heights():
     assert height_sigmas(pair_of(known), known) == pytest.approx((0.3,) * 9, rel=1e-4)
 
 
+def test_corners_behind_a_photograph_take_the_largest_of_what_is_shown():
+    """Epipolar images are wider than their photographs: where these are turned far, a corner lies behind one of them."""
+    known = with_covariances((0.1,) * 3 + (1e-4,) * 3)
+    pair = pair_of(known)
+    middle = np.array(height_sigmas(pair, known))[4]
+    beyond = 50 * pair.left_cols
+    wide = {"rows": pair.rows + 2 * beyond, "left_cols": pair.left_cols + 2 * beyond}
+    wide |= {"row0": pair.row0 + beyond, "left_col0": pair.left_col0 + beyond}
+    sigma = np.array(height_sigmas(pair.model_copy(update=wide), known))
+    assert sigma.shape == (9,) and np.isfinite(sigma).all() and sigma[4] == pytest.approx(middle, rel=0.1)
+    assert np.count_nonzero(sigma == sigma.max()) > 1, "places that no photograph shows"
+
+
 def test_a_common_shift_in_plan_changes_no_height():
     known = with_covariances((0.09, 0.09, 0.0, 0.0, 0.0, 0.0), joint=1.0)
     assert max(height_sigmas(pair_of(known), known)) < 1e-3
