@@ -18,7 +18,8 @@ def places_apart(tags: Mapping[str, str]) -> float:
     by_exif, by_maker = exif.longitude_latitude(tags), _by_maker(tags)
     if by_exif is None or by_maker is None:
         return 0.0
-    east = (by_exif[0] - by_maker[0]) * math.cos(math.radians(by_exif[1]))
+    # Across the date line the longitudes of neighbours differ by nearly 360 degrees.
+    east = ((by_exif[0] - by_maker[0] + 180.0) % 360.0 - 180.0) * math.cos(math.radians(by_exif[1]))
     return METRES_OF_A_DEGREE * math.hypot(east, by_exif[1] - by_maker[1])
 
 

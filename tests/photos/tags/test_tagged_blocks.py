@@ -14,6 +14,7 @@ from orthomill.tasks.calibration.cameras.untagged_photographs import cameras_fro
 from orthomill.tasks.photos.index import Limits, index_photos
 from orthomill.tasks.photos.report.first_look import first_look
 from orthomill.tasks.photos.report.photos_report import header_warnings, remark_sentence
+from orthomill.tasks.photos.tags.places import places_apart
 
 SHARED = Path(__file__).parents[4] / "shared"
 YARD = SHARED / "data" / "rtk_yard"
@@ -227,6 +228,11 @@ def test_halves_on_two_sides_of_the_earth_are_refused_with_both_places():
 def test_places_of_two_tags_that_are_not_one_are_told():
     photos = block(*(header(str(i), i, **dji(GpsLatitude="45.01", GpsLongitude=str(9 + i / 3600))) for i in range(3)))
     assert "different places of 3 photographs (0, 1, 2), up to 1112 m apart" in said(photos, PhotoRemarkCode.PLACES_DIFFER)
+
+
+def test_places_on_two_sides_of_the_date_line_are_near():
+    tags = header("0", GPSLongitude="(179) (59) (59.964)", **dji(GpsLatitude="45", GpsLongitude="-179.99999")).tags
+    assert places_apart(tags) == pytest.approx(1.57, abs=0.01)
 
 
 @pytest.mark.parametrize(("datum", "told"), [("TOKYO", True), ("NAD27", True), ("WGS-84", False), ("WGS 84", False), ("", False)])
