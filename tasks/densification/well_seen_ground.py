@@ -29,7 +29,7 @@ def well_seen_ground(block: Block, bounds: Area, level: float, pixel: float) -> 
     if not well.any() or (well == seen).all():
         return WantedArea()
     wide = _with_neighbours(well.reshape(_SIDE, _SIDE))
-    return WantedArea(polygons=(tuple(_ring(*box) for box in _rectangles(wide, x, y)),))
+    return WantedArea(polygons=tuple((_ring(*box),) for box in _rectangles(wide, x, y)))
 
 
 def _second_smallest_pixel(block: Block, points: np.ndarray) -> np.ndarray:

@@ -51,6 +51,10 @@ def test_what_is_seen_along_the_ground_is_left_out():
     middle = np.abs(x) < 2.0
     assert inside[:, middle][(coarse < 0.9 * COARSEST)[:, middle] & (y > 6.0)[:, None]].all()
     assert not inside[coarse > 2.0 * COARSEST].any()
+    west, south, east, north = wanted.bounds
+    cols, rows = np.flatnonzero(inside.any(axis=0)), np.flatnonzero(inside.any(axis=1))
+    assert (west, east) == pytest.approx((x[cols[0]] - 0.25, x[cols[-1]] + 0.25), abs=0.5), "the grid ends with them"
+    assert (south, north) == pytest.approx((y[rows[-1]] - 0.25, y[rows[0]] + 0.25), abs=0.5)
 
 
 def test_a_block_of_nothing_but_background_is_kept_whole():
@@ -67,7 +71,7 @@ def test_rectangles_are_the_squares_and_overlap_nowhere(seed):
     for west, south, east, north in boxes:
         covered[int(south) : int(north), int(west) : int(east)] += 1
     np.testing.assert_array_equal(covered, squares.astype(int))
-    area = WantedArea(polygons=(tuple(_ring(*box) for box in boxes),))
+    area = WantedArea(polygons=tuple((_ring(*box),) for box in boxes))
     grid = MapGrid(west=0.0, north=7.0, cell=0.5, rows=14, cols=18)
     expected = np.repeat(np.repeat(squares[::-1], 2, axis=0), 2, axis=1)
     np.testing.assert_array_equal(area.cells(grid, Window(0, 0, 14, 18)), expected)
