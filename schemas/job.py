@@ -208,14 +208,15 @@ class Job:
 
 @dataclass(frozen=True)
 class Export:
-    """A file written from whole rasters, block by block; the path is relative to the run's folder.
+    """A file written from rasters, block by block; the path is relative to the run's folder.
 
     `format`: "cog" (GeoTIFF with overviews), "tiff" (plain tiled TIFF, no georeference), "png", "laz" (the rows of `tables`, or
     the cells of the raster "z", as points with the colours of "rgb" and attributes), "json" or "csv" (the one table of `tables`),
     "text", "bytes" (the content of the one table of `tables`, a `FileBytes`), "xyz" (X, Y and the first band of the one raster as
     text, a line for every cell with a value), "gpkg", "dxf" or "geojson" (the lines of the tables, of `MapLines`, in the
-    reference system of the raster "place"), "map" (a page for a browser from a `MapPage`, and lines to be drawn on it),
-    "areas" (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`).
+    reference system of the raster "place"), "map" (a page for a browser from a `MapPage` and the files of its parts, which
+    `orthomill.schemas.maps.map_parts` names: "map shades", "map tiles", "map values", "map points", "map lines"), "areas"
+    (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`).
     """
 
     stage: str
@@ -226,11 +227,17 @@ class Export:
     tables: tuple[Table, ...] = ()
     beside: tuple[Table, ...] = ()
     """of "laz": tables with further columns for the rows of `tables`, one for each of them"""
+    window: Window | None = None
+    """the part of its rasters, all on one grid, that it reads; None: all of them"""
+    files: tuple[str, ...] = ()
+    """files of other exports that it reads, relative to the run's folder"""
+    row: int = 0
+    col: int = 0
 
     @property
     def key(self) -> tuple[str, str, int, int]:
-        """(stage, item, 0, 0): its name beside those of jobs."""
-        return self.stage, self.item, 0, 0
+        """(stage, item, row, col): its name beside those of jobs."""
+        return self.stage, self.item, self.row, self.col
 
 
 # A dataclass, unlike the other tables: pydantic would validate millions of rows value by value.

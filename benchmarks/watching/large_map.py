@@ -18,10 +18,12 @@ import cv2
 import numpy as np
 
 from benchmarks.instrument.result_page import write_page
-from orthomill.pipeline.export.viewer.tile_pyramid import QUALITY, SIZE
-from orthomill.pipeline.export.viewer.viewer_page import FOLDER, page_text
+from orthomill.pipeline.export.viewer.tile_pyramid import QUALITY, Run, runs_of
+from orthomill.pipeline.export.viewer.viewer_page import page_text
 from orthomill.pipeline.report.paper import BROWSERS, FLAGS
+from orthomill.schemas.maps.map_parts import TILE
 
+FOLDER = "viewer"
 CELL = 0.05
 """m"""
 DIFFERENT = 16
@@ -41,17 +43,17 @@ MOVED = (
 def write_map(folder: Path, side: int) -> int:
     """A page over a pyramid of side x side px; returns the bytes of the page."""
     samples = _samples(folder)
-    levels: dict[int, list[str]] = {}
-    while not levels or SIZE << (len(levels) - 1) < side:
+    levels: dict[int, list[Run]] = {}
+    while not levels or TILE << (len(levels) - 1) < side:
         level = len(levels)
-        along = -(-side // (SIZE << level))
+        along = -(-side // (TILE << level))
         names = [f"{row}-{col}.jpg" for row in range(along) for col in range(along)]
         place = folder / FOLDER / "0" / str(level)
         place.mkdir(parents=True)
         for number, name in enumerate(names):
             os.link(samples[number % DIFFERENT], place / name)
-        levels[level] = names
-    layer = {"title": "Orthoimage", "caption": "", "style": "rgb", "folder": f"{FOLDER}/0", "size": SIZE, "levels": levels}
+        levels[level] = list(runs_of(tuple(names)))
+    layer = {"title": "Orthoimage", "caption": "", "style": "rgb", "folder": f"{FOLDER}/0", "size": TILE, "levels": levels}
     layer |= {"legend": {"classes": [], "colours": [], "low": None, "high": None, "unit": ""}}
     layer |= {"west": 500000.0, "north": 5000000.0, "cell": CELL, "rows": side, "cols": side}
     data: dict[str, Any] = {"project": "large", "system": "", "layers": [layer], "cameras": [], "lines": None, "cloud": None}
@@ -64,7 +66,7 @@ def _samples(folder: Path) -> list[Path]:
     """Pictures as full of detail as a town from the air: 1.5 bits a pixel and more."""
     rng, out = np.random.default_rng(40), []
     for number in range(DIFFERENT):
-        noise = cv2.GaussianBlur(rng.normal(0, 1, (SIZE, SIZE, 3)).astype(np.float32), (0, 0), 1.5)
+        noise = cv2.GaussianBlur(rng.normal(0, 1, (TILE, TILE, 3)).astype(np.float32), (0, 0), 1.5)
         path = folder / f"sample{number}.jpg"
         cv2.imwrite(str(path), np.clip(120 + 160 * noise, 0, 255), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
         out.append(path)

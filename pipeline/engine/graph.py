@@ -172,17 +172,20 @@ class Graph:
 
     def _planned_export(self, export: Export) -> PlannedJob:
         keys: dict[Key, None] = {}
-        for name in export.rasters.values():
-            keys.update(dict.fromkeys(self._writers(export.stage, Raster(name, self._known(export.stage, name).full))[0]))
-        for table in (*export.tables, *export.beside):
-            keys.update(dict.fromkeys(self._writers(export.stage, table)[0]))
+        regions = [Raster(name, export.window or self._known(export.stage, name).full) for name in export.rasters.values()]
+        for region in regions if export.window else ():
+            self._check_window(export, region)
+        for source in (*regions, *export.tables, *export.beside):
+            keys.update(dict.fromkeys(self._writers(export.stage, source)[0]))
+        keys.update(dict.fromkeys(self._exporter(export.stage, path) for path in export.files))
         tables = [table.path for table in (*export.tables, *export.beside)]
+        part = [repr(export.window), *export.files] if export.window or export.files else []
         fingerprint = Fingerprint(
-            settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables),
+            settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables, *part),
             code=fp.of_code(export_file),
             inputs=fp.digest(*(self.jobs[key].fingerprint.text for key in keys)),
         )
-        data = sum(self.specs[name].bytes_of(self.specs[name].full) for name in export.rasters.values())
+        data = sum(map(self._bytes_of, regions))
         return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0, data)
 
     def _output_text(self, job: Job, name: str) -> str:
@@ -210,10 +213,13 @@ class Graph:
         if isinstance(region, Table):
             self.check_table_reader(job.stage, region.path)
         if isinstance(region, Raster):
-            spec = self._known(job.stage, region.name)
-            _check_allowed(job.stage, region.name, spec.readers)
-            if region.window.empty or region.window.clipped(spec.shape) != region.window:
-                raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
+            _check_allowed(job.stage, region.name, self._known(job.stage, region.name).readers)
+            self._check_window(job, region)
+
+    def _check_window(self, job: Job | Export, region: Raster) -> None:
+        spec = self._known(job.stage, region.name)
+        if region.window.empty or region.window.clipped(spec.shape) != region.window:
+            raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
 
     def _writers(self, stage: str, region: Region) -> tuple[list[Key], str]:
         """The jobs that write a region, and for a file of the user the digest of its content."""
@@ -224,6 +230,12 @@ class Graph:
                 raise NoWriter(f"the table {region.path}", stage)
             return [self._table_writers[region.path]], ""
         return self._file_writer(region)
+
+    def _exporter(self, stage: str, path: str) -> Key:
+        """The export that writes a file of the run's folder."""
+        if (key := self._file_writers.get(f"{self.run_folder}/{path}")) is None:
+            raise NoWriter(f"the file {path}", stage)
+        return key
 
     def _file_writer(self, region: FileRegion) -> tuple[list[Key], str]:
         # A file in the run's folder that an export writes depends on that export, and is not looked at before it exists.

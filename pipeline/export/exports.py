@@ -40,7 +40,6 @@ from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Columns, Export, FileBytes, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
-from orthomill.schemas.maps.map_page import MapPage
 from orthomill.schemas.memory import MIB
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
@@ -68,11 +67,19 @@ def export(export: Export, store: ReadableStore, place: Path | Depot) -> None:
     try:
         with depot.product(export.path) as path:
             WRITERS[export.format](export, store, path)
+        if export.format == "map":
+            _remove_stale_tiles(export, store, depot)
     except (OSError, RasterioError, LazrsError) as error:
         raise ResourceError(
             f"{depot.address}/{export.path} cannot be written ({_first_line(error)}); make room on the disk or make the folder "
             "writable, then run again."
         ) from error
+
+
+def _remove_stale_tiles(export: Export, store: ReadableStore, depot: Depot) -> None:
+    from orthomill.pipeline.export.viewer.viewer_page import remove_stale
+
+    remove_stale(export, store, depot)
 
 
 def sweep_products(folder: Path) -> None:
@@ -326,14 +333,10 @@ def _write_geojson(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _write_map(export: Export, store: ReadableStore, path: Path) -> None:
-    # matplotlib, which no other export needs.
-    from orthomill.pipeline.export.viewer.viewer_page import write_viewer
+    # Loaded when it is asked for: matplotlib, which no other export needs.
+    from orthomill.pipeline.export.viewer.map_writers import MAP_WRITERS
 
-    page, *lines = (store.table(table) for table in export.tables)
-    if not isinstance(page, MapPage):
-        raise StoreError(f"{export.path} is a map, which needs a page as its first table.")
-    text = write_viewer(path, store, page, tuple(table for table in lines if isinstance(table, MapLines)))
-    write_whole(path, text.encode())
+    MAP_WRITERS[export.format](export, store, path)
 
 
 def _write_areas(export: Export, store: ReadableStore, path: Path) -> None:
@@ -422,6 +425,6 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     "gpkg": _write_gpkg,
     "dxf": _write_dxf,
     "geojson": _write_geojson,
-    "map": _write_map,
+    **dict.fromkeys(("map", "map shades", "map tiles", "map values", "map points", "map lines"), _write_map),
     "areas": _write_areas,
 }

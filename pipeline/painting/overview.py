@@ -4,12 +4,14 @@ Heights and colours by the mean of the pixels that have a value, codes by the mi
 aligned with the chunks: a block that two chunks share is accumulated from both.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil, sqrt
 
 import numpy as np
 
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+from orthomill.schemas.raster import RasterSpec, Tile, Window, tiles_of
 
 Reduced = tuple[tuple[slice, slice], np.ndarray, np.ndarray, np.ndarray]
 """(place in the overview, values (rows, cols, bands), pixels with a value (rows, cols, 1), all pixels (rows, cols, 1))"""
@@ -27,8 +29,9 @@ class Overview:
     factor: int
 
 
-def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Overview:
-    """A raster reduced by an integer factor to `limit` px or less, reading one chunk at a time.
+def overview(store: ReadableStore, name: str, limit: int, nearest: bool, most: int | None = None) -> Overview:
+    """A raster reduced by an integer factor to `limit` px or less, reading one chunk at a time; of a raster of more than `most`
+    chunks about so many, spread evenly.
 
     `nearest` takes the middle pixel of every block; otherwise the mean of its pixels that have a value (finite, not nodata,
     alpha above 0). Blocks without any are NaN.
@@ -40,7 +43,7 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
     total, count, area = np.zeros((rows, cols, bands)), np.zeros((rows, cols, 1)), np.zeros((rows, cols, 1))
     # The mean of two codes is a third code, so codes are picked and never averaged.
     reduced = _thinned if nearest else _summed
-    for tile in tiles_of(spec.shape, max(spec.chunk, 64)):
+    for tile in _spread(tiles_of(spec.shape, max(spec.chunk, 64)), most):
         place, values, present, pixels = reduced(spec, _bands(store.read(spec.name, tile.window)), tile.window, factor)
         total[place] += values
         count[place] += present
@@ -48,6 +51,13 @@ def overview(store: ReadableStore, name: str, limit: int, nearest: bool) -> Over
     with np.errstate(invalid="ignore"):  # 0 / 0 where a block has no value, which `where` replaces
         means = np.where(count > 0, total / count, np.nan)
     return Overview(means if len(spec.shape) == 3 else means[..., 0], (count / np.maximum(area, 1))[..., 0], factor)
+
+
+def _spread(tiles: Iterator[Tile], most: int | None) -> list[Tile]:
+    """Every so many-th row and column of tiles."""
+    known = list(tiles)
+    every = ceil(sqrt(len(known) / most)) if most and len(known) > most else 1
+    return [tile for tile in known if tile.row % every == 0 and tile.col % every == 0]
 
 
 def _bands(raw: np.ndarray) -> np.ndarray:

@@ -25,5 +25,8 @@ class ReadableStore(Protocol):
     def table(self, table: Table[T]) -> T:
         """The value of a table. Raises StoreError when it is absent."""
 
+    def file(self, name: str) -> bytes:
+        """A file that an export wrote, by its path in the run's folder. Raises StoreError when it is absent."""
+
     def has_table(self, table: Table) -> bool:
         """Whether a table exists."""

@@ -225,6 +225,13 @@ class Store:
         """The value of a table. Raises StoreError."""
         return read_table(self.depot, self.table_path(table), table)
 
+    def file(self, name: str) -> bytes:
+        """A file that an export wrote, by its path in the run's folder. Raises StoreError when it is absent."""
+        try:
+            return self.depot.get(name)
+        except FileNotFoundError:
+            raise StoreError(f"{self.depot.address}/{name} is absent; run again, it is made anew then.") from None
+
     def write_table(self, table: Table[T], value: T) -> None:
         """Store a table whole. Raises StoreError when the value is not of the table's type."""
         if not isinstance(value, table.type):

@@ -1,6 +1,6 @@
 """Rasters painted tile by tile for a map: the same colours everywhere, whatever the tile shows.
 
-The limits of colours and the exaggeration of relief are those of an overview of the whole raster.
+The limits of colours and the exaggeration of relief are those of an overview of the whole raster, or of a sample of a large one.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,14 @@ import numpy as np
 from orthomill.pipeline.painting.map_colours import BLUE_WHITE_RED, RELIEF, UNKNOWN_CODE, exaggeration, limits, palette, shade
 from orthomill.pipeline.painting.overview import overview
 from orthomill.pipeline.storage.reading import ReadableStore
+from orthomill.schemas.maps.map_parts import RIM, Shades
 from orthomill.schemas.raster import RasterSpec, Window
 from orthomill.schemas.stage_report import Picture
 
 OVERVIEW = 1000
 """px along the longer side of the overview from which limits are taken"""
+SAMPLE = 1024
+"""chunks that the overview of a large raster is made of, spread evenly: percentiles of the others are the same"""
 STEPS = 256
 
 
@@ -37,7 +40,6 @@ class PaintedRaster:
 
     picture: Picture
     spec: RasterSpec
-    legend: MapLegend
     paint: Callable[[np.ndarray], np.ndarray]
     """(rows, cols) or (rows, cols, bands) values to (rows, cols, 4) uint8; relief gets a pixel more on every side, and loses it"""
     rim: int = 0
@@ -48,31 +50,60 @@ class PaintedRaster:
         return self.paint(store.read(self.spec.name, wide))[window.within(wide).slices]
 
 
-def painted(store: ReadableStore, picture: Picture) -> PaintedRaster:
-    """The raster of a picture, ready to be painted. Raises StoreError when it does not exist."""
+def shades_of(store: ReadableStore, picture: Picture) -> Shades:
+    """What the colours of a picture's raster rest on. Raises StoreError when it does not exist."""
     spec = store.spec(picture.raster)
+    if picture.style == "classes" or (picture.style == "rgb" and spec.dtype == "uint8"):
+        return Shades()
+    seen = overview(store, picture.raster, OVERVIEW, nearest=False, most=SAMPLE)
     if picture.style == "rgb":
-        return PaintedRaster(picture, spec, MapLegend(), _rgb if spec.dtype == "uint8" else _stretched(store, picture))
-    if picture.style == "classes":
-        known = tuple((colour, meaning) for code, colour, meaning in picture.classes if code != spec.nodata)
-        return PaintedRaster(picture, spec, MapLegend(classes=known), _classes(picture, spec))
-    seen = overview(store, picture.raster, OVERVIEW, nearest=False)
-    values = seen.values if seen.values.ndim == 2 else seen.values[..., 0]
+        return _stretched(seen.values[..., :3])
+    values = _plane(seen.values)
     low, high = limits(values, picture)
-    colours: tuple[str, ...] = RELIEF
     if picture.style == "diverging":
         high = max(abs(low), abs(high))
-        low, colours = -high, BLUE_WHITE_RED
-    elif picture.style == "ramp":
-        colours = tuple(matplotlib.colors.to_hex(c) for c in matplotlib.colormaps[picture.colours](np.linspace(0, 1, 17)))
-    legend = MapLegend(colours=colours, low=low, high=high, unit=picture.unit or spec.unit)
-    table = np.concatenate([palette(colours, STEPS), np.full((STEPS, 1), 255, np.uint8)], axis=1)
-    if picture.style != "hillshade":
-        return PaintedRaster(picture, spec, legend, lambda v: _ramp(v, low, high, table))
-    cell = abs(spec.transform[0]) if spec.transform else 1.0
+        low = -high
     # On cells of its own an overview is flatter than the raster: its slopes only tell how hilly the land is.
-    steep = exaggeration(values, cell * seen.factor)
-    return PaintedRaster(picture, spec, legend, lambda v: _relief(v, (low, high), table, cell, steep), rim=1)
+    steep = exaggeration(values, _cell(spec) * seen.factor) if picture.style == "hillshade" else 1.0
+    return Shades(low=low, high=high, steep=steep)
+
+
+def _stretched(seen: np.ndarray) -> Shades:
+    """Colours of more than 8 bits, from their 1st to their 99th percentile."""
+    low, high = map(float, np.nanpercentile(seen, (1, 99))) if np.isfinite(seen).any() else (0.0, 1.0)
+    return Shades(low=low, high=high)
+
+
+def legend_of(picture: Picture, spec: RasterSpec, shades: Shades) -> MapLegend:
+    """What the colours of a picture mean."""
+    if picture.style == "rgb":
+        return MapLegend()
+    if picture.style == "classes":
+        return MapLegend(classes=tuple((colour, meaning) for code, colour, meaning in picture.classes if code != spec.nodata))
+    return MapLegend(colours=_colours(picture), low=shades.low, high=shades.high, unit=picture.unit or spec.unit)
+
+
+def _colours(picture: Picture) -> tuple[str, ...]:
+    if picture.style == "ramp":
+        return tuple(matplotlib.colors.to_hex(c) for c in matplotlib.colormaps[picture.colours](np.linspace(0, 1, 17)))
+    return BLUE_WHITE_RED if picture.style == "diverging" else RELIEF
+
+
+def painted(store: ReadableStore, picture: Picture, shades: Shades) -> PaintedRaster:
+    """The raster of a picture, ready to be painted. Raises StoreError when it does not exist."""
+    spec, low, high = store.spec(picture.raster), shades.low, shades.high
+    if picture.style == "rgb":
+        return PaintedRaster(picture, spec, _rgb if spec.dtype == "uint8" else lambda v: _stretch(v, low, high))
+    if picture.style == "classes":
+        return PaintedRaster(picture, spec, _classes(picture, spec))
+    table = np.concatenate([palette(_colours(picture), STEPS), np.full((STEPS, 1), 255, np.uint8)], axis=1)
+    if picture.style != "hillshade":
+        return PaintedRaster(picture, spec, lambda v: _ramp(v, low, high, table))
+    return PaintedRaster(picture, spec, lambda v: _relief(v, (low, high), table, _cell(spec), shades.steep), rim=RIM)
+
+
+def _cell(spec: RasterSpec) -> float:
+    return abs(spec.transform[0]) if spec.transform else 1.0
 
 
 def _plane(values: np.ndarray) -> np.ndarray:
@@ -85,17 +116,10 @@ def _rgb(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[..., :3], np.full((*values.shape[:2], 1), 255, np.uint8)], axis=2)
 
 
-def _stretched(store: ReadableStore, picture: Picture) -> Callable[[np.ndarray], np.ndarray]:
-    """Colours of more than 8 bits, from their 1st to their 99th percentile."""
-    seen = overview(store, picture.raster, OVERVIEW, nearest=False).values[..., :3]
-    low, high = np.nanpercentile(seen, (1, 99)) if np.isfinite(seen).any() else (0.0, 1.0)
-
-    def paint(values: np.ndarray) -> np.ndarray:
-        colours = (values[..., :3].astype(np.float64) - low) / max(high - low, 1e-12) * 255
-        opaque = values[..., 3:] > 0 if values.shape[2] == 4 else np.ones((*values.shape[:2], 1), bool)
-        return np.concatenate([np.rint(np.clip(colours, 0, 255)), 255 * opaque], axis=2).astype(np.uint8)
-
-    return paint
+def _stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    colours = (values[..., :3].astype(np.float64) - low) / max(high - low, 1e-12) * 255
+    opaque = values[..., 3:] > 0 if values.shape[2] == 4 else np.ones((*values.shape[:2], 1), bool)
+    return np.concatenate([np.rint(np.clip(colours, 0, 255)), 255 * opaque], axis=2).astype(np.uint8)
 
 
 def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.ndarray]:

@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.maps.map_page import CloudLayer
+from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.schemas.job import Export
+from orthomill.schemas.maps.map_page import CloudLayer, MapPage
 from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 
 MOST_POINTS = 500_000
@@ -25,14 +27,18 @@ _GREY = 170
 """of points without a colour"""
 
 
-def write_cloud(folder: Path, store: ReadableStore, cloud: CloudLayer) -> str | None:
-    """Write `cloud.js` into the folder; its name, None where no cell was measured."""
+def write_cloud(export: Export, store: ReadableStore, path: Path) -> None:
+    """Write the script; empty where no cell was measured."""
+    (table,) = export.tables
+    page = store.table(table)
+    assert isinstance(page, MapPage) and page.cloud is not None
+    cloud = page.cloud
     spec = store.spec(cloud.height)
     stride = thinning(spec.shape[0] * spec.shape[1])
     parts = [_points(store, cloud, tile.window, stride) for tile in tiles_of(spec.shape, max(spec.chunk, stride))]
     col, row, z, rgb = (np.concatenate(values) for values in zip(*parts, strict=True))
     if not len(z):
-        return None
+        return write_whole(path, b"")
     low, high = float(z.min()), float(z.max())
     height = np.rint((z.astype(np.float64) - low) / max(high - low, 1e-6) * STEPS)
     whole = [np.asarray(values, "<u2") for values in (col // stride, row // stride, height)]
@@ -47,9 +53,7 @@ def write_cloud(folder: Path, store: ReadableStore, cloud: CloudLayer) -> str | 
         "high": round(high, 3),
         "data": base64.b64encode(zlib.compress(data, EFFORT)).decode(),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "cloud.js").write_text(f"omCloud({json.dumps(about)});\n")
-    return "cloud.js"
+    write_whole(path, f"omCloud({json.dumps(about)});\n".encode())
 
 
 def thinning(cells: int) -> int:

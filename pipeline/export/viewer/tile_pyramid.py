@@ -1,82 +1,70 @@
-"""A painted raster as a pyramid of image files that a browser loads one by one.
+"""A part of a painted raster as image files that a browser loads one by one.
 
 Every level has half the pixels of the one below; its tiles are made of four tiles of that, so that no more than a few tiles of
 each level are in memory. Tiles without a pixel are left out, and the page knows which ones there are.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
-from orthomill.pipeline.export.viewer.painted_tiles import PaintedRaster
-from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.raster import Window
+from orthomill.schemas.maps.map_parts import LEVELS, SPAN, TILE, MapLayer, level_count
 
-SIZE = 512
-"""px along a tile"""
 QUALITY = 88
 """of pictures and ramps; codes are kept exactly"""
 LOSSLESS = 101
 """in OpenCV's numbers for WebP"""
+Run = tuple[int, int, int, str]
+"""(row, first column, last column, kind of file)"""
 
 
 @dataclass
 class TilePyramid:
-    """The tiles of a raster in `folder`: level 0 has all pixels, and the last one is a single tile."""
+    """Part (row, col) of the tiles of a layer in `folder`.
 
-    source: PaintedRaster
-    store: ReadableStore
+    `finest` gives the pixels (TILE, TILE, 4) of a tile, by its row and column, that the finest level is made of: of the raster
+    itself, or of the level below, which other parts have written.
+    """
+
+    layer: MapLayer
+    finest: Callable[[int, int], np.ndarray]
     folder: Path
-    tiles: dict[int, list[str]] = field(default_factory=dict)
+    names: dict[int, list[str]] = field(default_factory=dict)
     """names of the files that were written, "row-col" with what kind of image it is, by level"""
-    size: int = SIZE
 
-    @property
-    def levels(self) -> int:
-        """How many there are."""
-        longest, count = max(self.source.spec.shape[:2]), 1
-        while longest > self.size << (count - 1):
-            count += 1
-        return count
-
-    def write(self) -> None:
-        """All tiles."""
-        self._tile(self.levels - 1, 0, 0)
+    def write(self, row: int, col: int) -> None:
+        """All tiles of the part."""
+        levels = level_count((self.layer.rows, self.layer.cols))
+        self._tile(min(self.layer.level + LEVELS, levels) - 1, row, col)
 
     def _tile(self, level: int, row: int, col: int) -> np.ndarray:
-        """The tile (size, size, 4), written; transparent beyond the raster."""
-        pixels = self._own(row, col) if level == 0 else self._of_four(level, row, col)
+        """The tile (TILE, TILE, 4), written; transparent beyond the raster."""
+        pixels = self.finest(row, col) if level == 0 else self._of_four(level, row, col)
         if covered(pixels):
             self._save(level, row, col, pixels)
         return pixels
 
-    def _own(self, row: int, col: int) -> np.ndarray:
-        window = Window(row * self.size, col * self.size, self.size, self.size).clipped(self.source.spec.shape)
-        out = np.zeros((self.size, self.size, 4), np.uint8)
-        if not window.empty:
-            out[: window.height, : window.width] = self.source.tile(self.store, window)
-        return out
-
     def _of_four(self, level: int, row: int, col: int) -> np.ndarray:
-        out, half = np.zeros((self.size, self.size, 4), np.uint8), self.size // 2
-        rows, cols = self.source.spec.shape[:2]
-        side = self.size << (level - 1)
+        out, half, side = np.zeros((TILE, TILE, 4), np.uint8), TILE // 2, TILE << (level - 1)
+        below = self.finest if level == self.layer.level else lambda *at: self._tile(level - 1, *at)
         for down in (0, 1):
             for right in (0, 1):
                 at = 2 * row + down, 2 * col + right
-                if at[0] * side < rows and at[1] * side < cols:
+                if at[0] * side < self.layer.rows and at[1] * side < self.layer.cols:
                     place = np.s_[down * half : (down + 1) * half, right * half : (right + 1) * half]
-                    out[place] = self._halved(self._tile(level - 1, *at))
+                    out[place] = self._halved(below(*at))
         return out
 
     def _halved(self, pixels: np.ndarray) -> np.ndarray:
         import cv2
 
-        if self.source.picture.style == "classes":
+        if self.layer.picture.style == "classes":
             return pixels[::2, ::2]  # the mean of two colours of a legend is the colour of none
-        half = self.size // 2, self.size // 2
-        if covered(pixels) == self.size * self.size:
+        half = TILE // 2, TILE // 2
+        if covered(pixels) == TILE * TILE:
             return np.asarray(cv2.resize(pixels, half, interpolation=cv2.INTER_AREA), np.uint8)
         alpha = pixels[..., 3:].astype(np.float32)
         weighed = np.concatenate([pixels[..., :3] * (alpha / 255), alpha], axis=2)
@@ -88,9 +76,9 @@ class TilePyramid:
         import cv2
 
         colours = cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGRA)
-        if self.source.picture.style == "classes":
+        if self.layer.picture.style == "classes":
             kind, settings = ".webp", [cv2.IMWRITE_WEBP_QUALITY, LOSSLESS]
-        elif covered(pixels) == self.size * self.size:
+        elif covered(pixels) == TILE * TILE:
             # A tenth of the time of WebP; it knows no transparent pixels.
             kind, settings = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
             colours = cv2.cvtColor(pixels, cv2.COLOR_RGBA2BGR)
@@ -99,7 +87,15 @@ class TilePyramid:
         path = self.folder / str(level) / f"{row}-{col}{kind}"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(cv2.imencode(kind, colours, settings)[1].tobytes())
-        self.tiles.setdefault(level, []).append(path.name)
+        self.names.setdefault(level, []).append(path.name)
+
+
+def pixels_of(image: bytes) -> np.ndarray:
+    """A written tile (TILE, TILE, 4) uint8 as it is seen."""
+    import cv2
+
+    seen = cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_UNCHANGED)
+    return np.asarray(cv2.cvtColor(seen, cv2.COLOR_BGRA2RGBA if seen.shape[2] == 4 else cv2.COLOR_BGR2RGBA), np.uint8)
 
 
 def covered(pixels: np.ndarray) -> int:
@@ -107,3 +103,15 @@ def covered(pixels: np.ndarray) -> int:
     import cv2
 
     return cv2.countNonZero(cv2.extractChannel(pixels, 3))
+
+
+def runs_of(names: tuple[str, ...]) -> Iterator[Run]:
+    """Tiles side by side of one kind, of names "row-col" with their kind of file, by row and column: short for the page."""
+    tiles = sorted((*map(int, Path(name).stem.split("-")), Path(name).suffix) for name in names)
+    numbered = ((col - number, row, col, kind) for number, (row, col, kind) in enumerate(tiles))
+    for (_, row, kind), run in groupby(numbered, key=lambda tile: (tile[0], tile[1], tile[3])):
+        columns = [col for _, _, col, _ in run]
+        yield row, columns[0], columns[-1], kind
+
+
+assert SPAN == 1 << (LEVELS - 1), "the coarsest level of a part is one tile"

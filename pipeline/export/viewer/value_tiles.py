@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.maps.map_page import ValueLayer
-from orthomill.schemas.raster import RasterSpec, tiles_of
+from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.schemas.job import Export
+from orthomill.schemas.maps.map_parts import WrittenTiles
+from orthomill.schemas.raster import Window, tiles_of
 
 SIZE = 256
 """cells along a tile"""
@@ -24,22 +26,25 @@ EFFORT = 1
 """of packing: more would pack a tenth smaller, in eight times the time"""
 
 
-def write_values(folder: Path, store: ReadableStore, layers: tuple[ValueLayer, ...], grid: RasterSpec) -> list[tuple[int, int]]:
-    """The tiles of all layers, on one grid; rows and columns of those that hold a value."""
-    folder.mkdir(parents=True, exist_ok=True)
+def write_values(export: Export, store: ReadableStore, path: Path) -> None:
+    """The tiles of a part that hold a value, beside the folder of `path`, and their names. The rasters of the export are those of
+    `ValueLayer`s, as LAYER.KEY."""
+    assert export.window is not None, "a part"
     written = []
-    for tile in tiles_of(grid.shape, SIZE):
-        parts, holds = {}, False
-        for layer in layers:
-            for key, name in layer.rasters.items():
-                values = store.read(name, tile.window)
-                holds |= bool(np.isfinite(values).any()) if values.dtype.kind == "f" else bool(values.any())
-                parts[f"{layer.name}.{key}"] = packed(values)
-        if holds:
-            text = f"omValues({json.dumps(f'{tile.row}-{tile.col}')},{tile.window.width},{json.dumps(parts)});\n"
-            (folder / f"{tile.row}-{tile.col}.js").write_text(text)
-            written.append((tile.row, tile.col))
-    return written
+    for tile in tiles_of(export.window.shape, SIZE):
+        row, col = (export.window.row + tile.window.row) // SIZE, (export.window.col + tile.window.col) // SIZE
+        window = Window(row * SIZE, col * SIZE, tile.window.height, tile.window.width)
+        values = {key: store.read(name, window) for key, name in export.rasters.items()}
+        if any(map(_holds, values.values())):
+            written.append(name := f"{row}-{col}.js")
+            parts = {key: packed(one) for key, one in values.items()}
+            text = f"omValues({json.dumps(f'{row}-{col}')},{window.width},{json.dumps(parts)});\n"
+            (path.parents[1] / name).write_text(text)
+    write_whole(path, WrittenTiles(names={0: tuple(written)}).model_dump_json().encode())
+
+
+def _holds(values: np.ndarray) -> bool:
+    return bool(np.isfinite(values).any()) if values.dtype.kind == "f" else bool(values.any())
 
 
 def packed(values: np.ndarray) -> str:

@@ -1,67 +1,85 @@
-"""The map of a run: `products/index.html` and the tiles beside it."""
+"""The map of a run: `products/index.html`, of the parts that lie beside it already."""
 
 import json
-import shutil
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from orthomill.pipeline.export.vectors.map_features import line_features
-from orthomill.pipeline.export.viewer.painted_tiles import painted
-from orthomill.pipeline.export.viewer.point_cloud_script import write_cloud
-from orthomill.pipeline.export.viewer.tile_pyramid import TilePyramid
-from orthomill.pipeline.export.viewer.value_tiles import SIZE, write_values
+from orthomill.pipeline.export.viewer.painted_tiles import legend_of
+from orthomill.pipeline.export.viewer.tile_pyramid import runs_of
+from orthomill.pipeline.export.viewer.value_tiles import SIZE
+from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.reading import ReadableStore
-from orthomill.schemas.maps.map_lines import MapLines
+from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.schemas.errors import StoreError
+from orthomill.schemas.job import Export
 from orthomill.schemas.maps.map_page import MapPage
+from orthomill.schemas.maps.map_parts import (
+    CLOUD_FILE,
+    FOLDER,
+    LINES_FILE,
+    PAGE,
+    TILE,
+    Shades,
+    WrittenTiles,
+    first_levels,
+    last_tiles_file,
+    parts_at,
+    shades_file,
+    tiles_file,
+)
 from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.stage_report import Picture
 
-FOLDER = "viewer"
-"""beside the page"""
-MOST_VERTICES = 1_500_000
-"""of lines that a browser still draws; more are left to a GIS"""
+_BESIDE = str(Path(FOLDER).relative_to(Path(PAGE).parent))
+"""the folder of all parts, as the page names it"""
+_VALUES = f"{FOLDER}/values"
 _TEMPLATES = files("orthomill.pipeline.export.viewer") / "templates"
 
 
-def write_viewer(path: Path, store: ReadableStore, page: MapPage, lines: tuple[MapLines, ...]) -> str:
-    """Write the tiles into the folder beside `path`; returns the text of the page, to be written last.
-
-    Raises StoreError when a raster of the page does not exist.
-    """
-    folder = path.parent / FOLDER
-    shutil.rmtree(folder, ignore_errors=True)
-    layers = []
-    for number, picture in enumerate(page.pictures):
-        source = painted(store, picture)
-        pyramid = TilePyramid(source, store, folder / str(number))
-        pyramid.write()
-        layers.append(
-            {
-                "title": picture.title,
-                "caption": picture.caption,
-                "style": picture.style,
-                "folder": f"{FOLDER}/{number}",
-                "size": pyramid.size,
-                "levels": {level: sorted(names) for level, names in pyramid.tiles.items()},
-                "legend": asdict(source.legend),
-                **_place(source.spec),
-            }
-        )
-    data: dict[str, Any] = {"project": page.project, "system": page.system, "layers": layers}
+def write_page(export: Export, store: ReadableStore, path: Path) -> None:
+    """The page, when all its parts are there. Raises StoreError when one of them, or a raster, is not."""
+    (table,) = export.tables
+    page = store.table(table)
+    if not isinstance(page, MapPage):
+        raise StoreError(f"{export.path} is a map, which needs a page as its table.")
+    data: dict[str, Any] = {"project": page.project, "system": page.system}
+    data["layers"] = [_layer(store, number, picture) for number, picture in enumerate(page.pictures)]
     data["cameras"] = [camera.model_dump() for camera in page.cameras]
     if page.values:
-        grid = store.spec(page.values[0].rasters["height"])
-        tiles = write_values(folder / "values", store, page.values, grid)
         layered = [layer.model_dump(exclude={"rasters"}) for layer in page.values]
-        data["values"] = {"folder": f"{FOLDER}/values", "size": SIZE, "tiles": [f"{r}-{c}" for r, c in tiles], "layers": layered}
-        data["values"] |= _place(grid)
-    data["lines"] = _write_lines(folder, lines)
-    cloud = None if page.cloud is None else write_cloud(folder, store, page.cloud)
-    data["cloud"] = cloud and f"{FOLDER}/{cloud}"
-    return page_text(data)
+        runs = [run[:3] for run in runs_of(_values(export, store))]
+        data["values"] = {"folder": f"{_BESIDE}/values", "size": SIZE, "tiles": runs, "layers": layered}
+        data["values"] |= _place(store.spec(page.values[0].rasters["height"]))
+    for key, file in (("lines", LINES_FILE), ("cloud", CLOUD_FILE)):
+        drawn = file in export.files and store.file(file)
+        data[key] = f"{_BESIDE}/{Path(file).name}" if drawn else None
+    write_whole(path, page_text(data).encode())
+
+
+def _layer(store: ReadableStore, number: int, picture: Picture) -> dict[str, Any]:
+    spec = store.spec(picture.raster)
+    shades = Shades.model_validate_json(store.file(shades_file(number)))
+    return {
+        "title": picture.title,
+        "caption": picture.caption,
+        "style": picture.style,
+        "folder": f"{_BESIDE}/{number}",
+        "size": TILE,
+        "levels": {level: list(runs_of(names)) for level, names in _tiles(store, number, spec).items()},
+        "legend": asdict(legend_of(picture, spec, shades)),
+        **_place(spec),
+    }
+
+
+def _tiles(store: ReadableStore, number: int, spec: RasterSpec) -> dict[int, tuple[str, ...]]:
+    return WrittenTiles.model_validate_json(store.file(last_tiles_file(number, spec.shape))).names
+
+
+def _values(export: Export, store: ReadableStore) -> tuple[str, ...]:
+    lists = (store.file(file) for file in export.files if file.startswith(_VALUES))
+    return tuple(name for found in lists for name in WrittenTiles.model_validate_json(found).names.get(0, ()))
 
 
 def _place(spec: RasterSpec) -> dict[str, float | int]:
@@ -71,21 +89,36 @@ def _place(spec: RasterSpec) -> dict[str, float | int]:
     return {"west": west, "north": north, "cell": cell, "rows": spec.shape[0], "cols": spec.shape[1]}
 
 
-def _write_lines(folder: Path, lines: tuple[MapLines, ...]) -> str | None:
-    """A script that hands the lines to the page: its path, None where there are none or too many."""
-    drawn = [table for table in lines if len(table)]
-    if not drawn or sum(map(len, drawn)) > MOST_VERTICES:
-        return None
-    west, south = (float(np.floor(min(getattr(table, name).min() for table in drawn))) for name in ("x", "y"))
-    rows = []
-    for feature in (feature for table in drawn for feature in line_features(table)):
-        # Whole centimetres from a corner, one after the other: half the size of coordinates in full.
-        centimetres = np.rint((feature.places[:, :2] - (west, south)) * 100).astype(np.int64)
-        steps = np.diff(centimetres, axis=0, prepend=np.zeros((1, 2), np.int64)).ravel().tolist()
-        rows.append([round(float(feature.places[0, 2]), 3), int(feature.dashed), feature.text, steps])
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "lines.js").write_text(f"omLines({west},{south},{json.dumps(rows, separators=(',', ':'))});\n")
-    return f"{FOLDER}/lines.js"
+def remove_stale(export: Export, store: ReadableStore, depot: Depot) -> None:
+    """Remove what parts of earlier runs have left beside a page that was just written, one folder of tiles after the other."""
+    (table,) = export.tables
+    page = store.table(table)
+    assert isinstance(page, MapPage)
+    for number, picture in enumerate(page.pictures):
+        _keep_only(depot, f"{FOLDER}/{number}", _kept(store, number, store.spec(picture.raster)))
+    lists = {file for file in export.files if file.startswith(_VALUES)}
+    _keep_only(depot, _VALUES, {"": set(_values(export, store)), "parts": {Path(file).name for file in lists}})
+    known = {str(number) for number in range(len(page.pictures))} | {Path(_VALUES).name}
+    for folder in set(depot.folders(FOLDER)) - known:
+        depot.clear(f"{FOLDER}/{folder}")
+
+
+def _kept(store: ReadableStore, number: int, spec: RasterSpec) -> dict[str, set[str]]:
+    """Names of the files of a layer, by folder."""
+    lists = {
+        Path(tiles_file(number, level, part.row, part.col)).name
+        for level in first_levels(spec.shape)
+        for part in parts_at(spec.shape, level)
+    }
+    tiles = {str(level): set(names) for level, names in _tiles(store, number, spec).items()}
+    return tiles | {"parts": lists | {Path(shades_file(number)).name}}
+
+
+def _keep_only(depot: Depot, folder: str, kept: dict[str, set[str]]) -> None:
+    for inside in ("", *depot.folders(folder)):
+        place = f"{folder}/{inside}" if inside else folder
+        for name in {name for name, _ in depot.entries(place)} - kept.get(inside, set()):
+            depot.delete(f"{place}/{name}")
 
 
 def page_text(data: dict[str, Any]) -> str:

@@ -219,9 +219,6 @@ class Bucket:
             self._send(file, name)
             if file != main:
                 self._left.pop(name)
-        for folder in (path for path in main.parent.iterdir() if path.is_dir()):
-            for before in set(self.names(folder.relative_to(scratch).as_posix())) - set(names):
-                self.delete(before)
 
     @contextmanager
     def _explained(self, passing: tuple[type[Exception], ...] = ()) -> Iterator[None]:

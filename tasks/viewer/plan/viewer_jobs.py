@@ -14,6 +14,7 @@ from orthomill.schemas.bare_ground import (
 )
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, ValueLayer
+from orthomill.schemas.maps.map_parts import PAGE
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.stage_contract import ProjectView
@@ -31,6 +32,7 @@ from orthomill.schemas.surface import (
     RELATIVE_PRECISION,
     SURFACE,
 )
+from orthomill.tasks.viewer.plan.map_part_jobs import map_parts
 from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
 
@@ -70,14 +72,19 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
         params={"project": view.project.project, "pictures": pictures, "values": values, "cloud": cloud},
     )
     lines: tuple[Table, ...] = _contours(view) if _draws_contours(reports) else ()
-    rasters = {f"layer{k}": picture.raster for k, picture in enumerate(pictures)}
-    rasters |= {f"{layer.name}_{key}": name for layer in values for key, name in layer.rasters.items()}
-    if cloud is not None:
-        rasters |= {f"cloud_{key}": name for key in ("height", "code", "colours") if (name := getattr(cloud, key))}
-    yield Export("viewer", "map", "products/index.html", "map", rasters, (MAP_PAGE, *lines))
+    parts = list(map_parts(view, pictures, values, cloud, lines))
+    yield from parts
+    yield Export("viewer", "map", PAGE, "map", tables=(MAP_PAGE,), files=last_files(parts))
     yield Job(
         stage="viewer", item="report", function=viewer_report, reads={"page": MAP_PAGE}, writes={"report": report_table("viewer")}
     )
+
+
+def last_files(parts: list[Job | Export]) -> tuple[str, ...]:
+    """Files of parts that the page is made of: shades, and what no coarser part holds."""
+    exports = [part for part in parts if isinstance(part, Export)]
+    held = {file for part in exports if part.format == "map tiles" for file in part.files}
+    return tuple(part.path for part in exports if part.format == "map shades" or part.path not in held)
 
 
 def _chosen_pictures(reports: tuple[StageReport, ...], wanted: tuple[str, ...]) -> tuple[Picture, ...]:

@@ -13,11 +13,19 @@
   map.setMinZoom(Math.max(0, map.getZoom() - 2));
   ["left", "right"].forEach((name, k) => { map.createPane(name).style.zIndex = 210 + k; });
 
+  // Tiles that there are, as runs along the rows: (row, first column, last column, kind of file).
+  function byRow(runs) {
+    const rows = new Map();
+    for (const run of runs) { if (!rows.has(run[0])) rows.set(run[0], []); rows.get(run[0]).push(run); }
+    return rows;
+  }
+  const runAt = (rows, r, c) => (rows.get(r) || []).find(([, first, last]) => first <= c && c <= last);
+
   // A layer shows the tiles of the level that suits the zoom, over those of the coarsest level, which stay.
   class Tiles {
     constructor(layer, pane) {
       this.layer = layer; this.pane = pane; this.shown = new Map();
-      this.known = Object.fromEntries(Object.entries(layer.levels).map(([level, names]) => [level, new Map(names.map((n) => [n.slice(0, n.indexOf(".")), n]))]));
+      this.known = Object.fromEntries(Object.entries(layer.levels).map(([level, runs]) => [level, byRow(runs)]));
       this.coarsest = Math.max(...Object.keys(layer.levels).map(Number), 0);
       this.update = this.update.bind(this);
       map.on("moveend zoomend", this.update); this.update();
@@ -33,8 +41,10 @@
         const r0 = Math.max(0, Math.floor((l.north - view.getNorth()) / side)), r1 = Math.floor((l.north - view.getSouth()) / side);
         const c0 = Math.max(0, Math.floor((view.getWest() - l.west) / side)), c1 = Math.floor((view.getEast() - l.west) / side);
         const rows = Math.ceil(l.rows * l.cell / side) - 1, cols = Math.ceil(l.cols * l.cell / side) - 1;
-        for (let r = r0; r <= Math.min(r1, rows); r++) for (let c = c0; c <= Math.min(c1, cols); c++)
-          if (this.known[level] && this.known[level].has(r + "-" + c)) wanted.set(level + "/" + this.known[level].get(r + "-" + c), [level, r, c, side]);
+        for (let r = r0; r <= Math.min(r1, rows); r++) for (let c = c0; c <= Math.min(c1, cols); c++) {
+          const run = this.known[level] && runAt(this.known[level], r, c);
+          if (run) wanted.set(level + "/" + r + "-" + c + run[3], [level, r, c, side]);
+        }
       }
       for (const [key, [level, r, c, side]] of wanted) if (!this.shown.has(key)) {
         const north = this.layer.north - r * side, west = this.layer.west + c * side;
@@ -137,7 +147,7 @@
 
   // Values: tiles of packed numbers, unpacked when a place is asked for.
   const V = OM.values, tiles = new Map(), NOTHING = -(2 ** 31);
-  const there = new Set(V ? V.tiles : []);
+  const there = byRow(V ? V.tiles : []);
   window.omValues = (key, width, parts) => tiles.set(key, { width, parts, grids: {} });
   async function unpack(data, width) {
     const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
@@ -149,8 +159,8 @@
   async function valueAt(name, x, y) {
     const col = Math.floor((x - V.west) / V.cell), row = Math.floor((V.north - y) / V.cell);
     if (col < 0 || row < 0 || col >= V.cols || row >= V.rows) return null;
-    const key = Math.floor(row / V.size) + "-" + Math.floor(col / V.size);
-    if (!there.has(key)) return null;
+    const r = Math.floor(row / V.size), c = Math.floor(col / V.size), key = r + "-" + c;
+    if (!runAt(there, r, c)) return null;
     if (!tiles.has(key)) await script(V.folder + "/" + key + ".js");
     const tile = tiles.get(key);
     if (!tile || !(name in tile.parts)) return null;

@@ -64,16 +64,13 @@ def test_lines_are_appended_and_a_file_that_fails_is_not_there(depot):
     assert depot.state("half") is None and depot.state("products/half.tif") is None
 
 
-def test_a_product_is_kept_with_what_lies_beside_it_and_nothing_older(depot):
-    for tiles in (("1", "2"), ("2",)):
-        with depot.product("products/map.html") as path:
-            path.write_bytes(b"page")
-            (path.parent / "map").mkdir(exist_ok=True)
-            for old in (path.parent / "map").iterdir():
-                old.unlink()
-            for tile in tiles:
-                (path.parent / "map" / tile).write_bytes(b"tile")
-    assert list(depot.names("products")) == ["products/map.html", "products/map/2"]
+def test_a_product_is_kept_with_what_lies_beside_it_and_that_of_others(depot):
+    for number in ("1", "2"):
+        with depot.product(f"products/map/parts/{number}.json") as path:
+            path.write_bytes(b"list")
+            (path.parents[1] / number).write_bytes(b"tile")
+    names = ["products/map/1", "products/map/2", "products/map/parts/1.json", "products/map/parts/2.json"]
+    assert list(depot.names("products")) == names
 
 
 def test_loss_and_damage_are_found(depot):
