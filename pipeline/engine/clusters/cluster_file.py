@@ -5,9 +5,9 @@ The file belongs to a site and not to a project: `orthomill run site --cluster s
 
 import re
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from orthomill import __version__
 from orthomill.pipeline.workflow.mistakes import Mistakes
@@ -32,7 +32,8 @@ class _Grows(Settings):
 
 
 class SlurmCluster(_Grows):
-    """Batch jobs of SLURM, by dask-jobqueue: pip install 'orthomill[slurm]'. The project's folder must be seen on all nodes."""
+    """Batch jobs of SLURM, by dask-jobqueue: pip install 'orthomill[slurm]'. All nodes must see your home, and the project's folder
+    unless the run has a --store; they take the keys of the store from the environment of the command."""
 
     kind: Literal["slurm"]
     queue: str | None = setting(None, "Partition; null: the default one.")
@@ -62,19 +63,29 @@ class SlurmCluster(_Grows):
 
 
 class KubernetesCluster(_Grows):
-    """Pods, by the Dask operator and dask-kubernetes: pip install 'orthomill[kubernetes]'."""
+    """Pods, by the Dask operator and dask-kubernetes: pip install 'orthomill[kubernetes]'. They see the project's folder on
+    a volume, or reach the --store of the run with the keys of a secret."""
 
     kind: Literal["kubernetes"]
     image: str = setting(..., "Image with this version of orthomill.")
-    claim: str = setting(..., "Volume claim that holds the project's folder, for several pods to write.")
-    mount: str = setting(..., "Where pods see that volume: the path that this command has, too.")
+    claim: str | None = setting(None, "Volume claim that holds the project's folder, for several pods to write; null: --store.")
+    mount: str | None = setting(None, "Where pods see that volume: the path that this command has, too.")
+    secret: str | None = setting(
+        None, "Secret of the namespace whose entries pods have as environment: the keys of --store, e.g. AWS_ACCESS_KEY_ID."
+    )
     namespace: str = setting("default", "Namespace of the pods.")
     name: str = setting("orthomill", "Name of the cluster.", pattern=r"^[a-z]([a-z0-9-]{0,40}[a-z0-9])?$")
+
+    @model_validator(mode="after")
+    def _claim_has_a_place(self) -> Self:
+        if (self.claim is None) != (self.mount is None):
+            raise ValueError("claim and mount say together where the project's folder is; give both, or neither with --store")
+        return self
 
 
 class GatewayCluster(_Grows):
     """A cluster of a Dask gateway, by dask-gateway: pip install 'orthomill[gateway]'. Its settings of cores and memory are the
-    gateway's own; `memory` says what a worker has."""
+    gateway's own; `memory` says what a worker has. With a --store its workers have the keys from the gateway's environment."""
 
     kind: Literal["gateway"]
     address: str | None = setting(None, "Address of the gateway; null: that of Dask's own configuration.")

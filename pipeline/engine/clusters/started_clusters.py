@@ -131,12 +131,19 @@ def _kubernetes(asked: KubernetesCluster) -> Any:
     resources = {"requests": {"cpu": "1", "memory": limit}, "limits": {"memory": limit}}
     spec = make_cluster_spec(name=asked.name, image=asked.image, n_workers=asked.least, resources=resources, worker_command=command)
     for part in ("worker", "scheduler"):
-        pod = spec["spec"][part]["spec"]
-        pod["volumes"] = [{"name": "projects", "persistentVolumeClaim": {"claimName": asked.claim}}]
-        pod["containers"][0]["volumeMounts"] = [{"name": "projects", "mountPath": asked.mount}]
+        reach_results(spec["spec"][part]["spec"], asked)
     cluster = KubeCluster(custom_cluster_spec=spec, namespace=asked.namespace)
     cluster.adapt(minimum=asked.least, maximum=asked.workers)
     return cluster
+
+
+def reach_results(pod: dict[str, Any], asked: KubernetesCluster) -> None:
+    """Give a pod the volume of the project's folder, and the keys of an object store."""
+    if asked.claim is not None:
+        pod["volumes"] = [{"name": "projects", "persistentVolumeClaim": {"claimName": asked.claim}}]
+        pod["containers"][0]["volumeMounts"] = [{"name": "projects", "mountPath": asked.mount}]
+    if asked.secret is not None:
+        pod["containers"][0]["envFrom"] = [{"secretRef": {"name": asked.secret}}]
 
 
 def _gateway(asked: GatewayCluster) -> Any:
