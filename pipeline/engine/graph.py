@@ -175,7 +175,8 @@ class Graph:
         regions = [Raster(name, export.window or self._known(export.stage, name).full) for name in export.rasters.values()]
         for region in regions if export.window else ():
             self._check_window(export, region)
-        for source in (*regions, *export.tables, *export.beside):
+        sources: tuple[Region, ...] = (*regions, *export.tables, *export.beside)
+        for source in sources:
             keys.update(dict.fromkeys(self._writers(export.stage, source)[0]))
         keys.update(dict.fromkeys(self._exporter(export.stage, path) for path in export.files))
         tables = [table.path for table in (*export.tables, *export.beside)]

@@ -94,7 +94,7 @@ def pixels_of(image: bytes) -> np.ndarray:
     """A written tile (TILE, TILE, 4) uint8 as it is seen."""
     import cv2
 
-    seen = cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_UNCHANGED)
+    seen = np.asarray(cv2.imdecode(np.frombuffer(image, np.uint8), cv2.IMREAD_UNCHANGED))
     return np.asarray(cv2.cvtColor(seen, cv2.COLOR_BGRA2RGBA if seen.shape[2] == 4 else cv2.COLOR_BGR2RGBA), np.uint8)
 
 
@@ -107,11 +107,15 @@ def covered(pixels: np.ndarray) -> int:
 
 def runs_of(names: tuple[str, ...]) -> Iterator[Run]:
     """Tiles side by side of one kind, of names "row-col" with their kind of file, by row and column: short for the page."""
-    tiles = sorted((*map(int, Path(name).stem.split("-")), Path(name).suffix) for name in names)
-    numbered = ((col - number, row, col, kind) for number, (row, col, kind) in enumerate(tiles))
-    for (_, row, kind), run in groupby(numbered, key=lambda tile: (tile[0], tile[1], tile[3])):
-        columns = [col for _, _, col, _ in run]
+    tiles = sorted(map(_tile, names))
+    for (_, row, kind), run in groupby(enumerate(tiles), key=lambda one: (one[1][1] - one[0], one[1][0], one[1][2])):
+        columns = [tile[1] for _, tile in run]
         yield row, columns[0], columns[-1], kind
+
+
+def _tile(name: str) -> tuple[int, int, str]:
+    row, col = Path(name).stem.split("-")
+    return int(row), int(col), Path(name).suffix
 
 
 assert SPAN == 1 << (LEVELS - 1), "the coarsest level of a part is one tile"
