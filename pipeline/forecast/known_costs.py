@@ -25,6 +25,8 @@ COSTS = "jobs/costs.json"
 MARGIN = 2.2
 """How much more than the most demanding block known another one may take: so that each of four blocks lies within the bound from
 the other three."""
+ANOTHER = 2.0
+"""Ratio of their rasters from which a run is of another area."""
 EXPORT = "export "
 """how the name of a function begins that writes a file"""
 LEAST = 1e-4
@@ -127,11 +129,18 @@ def read_costs(folder: Path) -> RunCosts | None:
 def write_costs(folder: Path, costs: RunCosts) -> None:
     """Keep what a run took; of functions that it did not do, what an earlier one took. Raises StoreError when the disk refuses."""
     before = read_costs(folder)
-    # Costs for other pixels or tiles cannot stand beside these.
-    if before and (before.megapixels, before.tile) == (costs.megapixels, costs.tile):
+    # Costs for other pixels, tiles or areas cannot stand beside these.
+    if before and (before.megapixels, before.tile) == (costs.megapixels, costs.tile) and _of_one_area(before.grids, costs.grids):
         stages = {stage: before.stages.get(stage, {}) | costs.stages.get(stage, {}) for stage in before.stages | costs.stages}
         costs = RunCosts(costs.megapixels, costs.tile, stages, before.grids | costs.grids)
     write_whole(folder / COSTS, _RUN.dump_json(costs, indent=1))
+
+
+def _of_one_area(before: Mapping[str, float], after: Mapping[str, float]) -> bool:
+    """Whether two runs made rasters of about the same sizes: one of them may have tried a small part of the ground."""
+    return all(
+        grid <= ANOTHER * before[stage] and before[stage] <= ANOTHER * grid for stage, grid in after.items() if stage in before
+    )
 
 
 def expectations(folder: Path, megapixels: float, tile: int) -> Expectations:

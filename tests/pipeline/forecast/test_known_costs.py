@@ -102,6 +102,13 @@ def test_a_run_keeps_what_an_earlier_one_took_where_it_did_nothing_itself(tmp_pa
     assert "tile" not in read_costs(tmp_path).stages["surface"], "of other photographs"
 
 
+def test_a_run_of_a_small_part_of_the_ground_is_not_mixed_with_the_one_of_all(tmp_path):
+    (tmp_path / "jobs").mkdir()
+    write_costs(tmp_path, TEN)
+    write_costs(tmp_path, RunCosts(10.0, 512, {"surface": {"join": cost(1, 0.1)}}, {"surface": 0.05}))
+    assert read_costs(tmp_path).stages == {"surface": {"join": cost(1, 0.1)}}
+
+
 def test_costs_that_cannot_be_read_are_as_good_as_none(tmp_path):
     (tmp_path / "jobs").mkdir()
     (tmp_path / "jobs" / "costs.json").write_text('{"megapixels": "many"}')
