@@ -7,6 +7,7 @@ from pathlib import Path
 
 from orthomill.pipeline.report.paper import can_print, write_pdf
 from orthomill.pipeline.serving.outputs.asset_files import CLOUD, DSM, DTM, ORTHO, OWN, Asset, assets, wanted_only, write_archive
+from orthomill.pipeline.serving.outputs.client_figures import client_figures
 from orthomill.pipeline.serving.queue.object_places import send_results
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskState
@@ -46,12 +47,14 @@ _WISHED = {
 _EPT = _Made("ept", "points", "entwine_pointcloud")
 _ONE_CLOUD = _Made("laz", "points", CLOUD)
 _BLOCK = _Made("odm", "", f"{OWN}/odm")
+_SHOTS, _CONTROL = "odm_report/shots.geojson", "odm_georeferencing/ground_control_points.geojson"
 _OF_BLOCK = {
-    f"{OWN}/odm/shots.geojson": "odm_report/shots.geojson",
+    f"{OWN}/odm/shots.geojson": _SHOTS,
     f"{OWN}/odm/cameras.json": "cameras.json",
-    f"{OWN}/odm/ground_control_points.geojson": "odm_georeferencing/ground_control_points.geojson",
+    f"{OWN}/odm/ground_control_points.geojson": _CONTROL,
 }
 """places that clients know of files of the block"""
+_FIGURES = "odm_report/stats.json"
 
 
 def write_delivery(
@@ -65,6 +68,7 @@ def write_delivery(
     made = list(_maps(folder, wishes, lines))
     for wanted in _exports(folder, wishes):
         made += _exported(folder, wanted, command, lines)
+    made += _figures(folder, made)
     chosen = list(wanted_only(assets(folder.run, made), state.outputs))
     given = [option.model_dump() for option in state.options]
     log = {"engine": "orthomill", "name": state.name, "options": given, "verdict": verdict}
@@ -102,6 +106,19 @@ def _maps(folder: TaskFolder, wishes: Wishes, lines: list[str]) -> Iterator[Asse
         if said := write_client_map(product, target, bands, cell, cutline):
             lines.append(said)
         yield Asset(target, place)
+
+
+def _figures(folder: TaskFolder, made: list[Asset]) -> list[Asset]:
+    """The figures of the run as a client shows them."""
+    summary = folder.run / "summary.json"
+    if not summary.is_file():
+        return []
+    paths = {asset.place: asset.path for asset in assets(folder.run, made)}
+    target = folder.path / "made" / _FIGURES
+    target.parent.mkdir(parents=True, exist_ok=True)
+    figures = client_figures(summary, paths.get(_SHOTS), paths.get(_CONTROL), paths.get(CLOUD))
+    write_whole(target, json.dumps(figures, indent=1).encode())
+    return [Asset(target, _FIGURES)]
 
 
 def _cutline(folder: TaskFolder, wishes: Wishes) -> Path | None:

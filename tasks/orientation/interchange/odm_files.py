@@ -6,6 +6,7 @@ Source: OpenDroneMap, opendm/shots.py, and its documentation ("Image geolocation
 """
 
 import json
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,11 @@ def odm_files(block: ForeignBlock, files: dict[str, str], control: Control, phot
         raise WorkflowError(
             "OpenDroneMap needs a place on the earth, and this block has none: give the project positions or control."
         )
-    texts = {"shots.geojson": _shots(block, files, crs), "cameras.json": _cameras(block), "geo.txt": _places(block, files, crs)}
+    texts = {
+        "shots.geojson": _shots(block, files, photos, crs),
+        "cameras.json": _cameras(block),
+        "geo.txt": _places(block, files, crs),
+    }
     # Check points in a list of their own: whatever stands in gcp_list.txt takes part there.
     for role, name in (("control", "gcp_list.txt"), ("check", "check_list.txt")):
         if rows := _marks(control, role, files, photos):
@@ -49,7 +54,7 @@ def _code(crs: str) -> str:
     return ":".join(authority) if authority else plan.to_proj4()
 
 
-def _shots(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
+def _shots(block: ForeignBlock, files: dict[str, str], photos: Photos, crs: str) -> str:
     to_degrees = Transformer.from_crs(ground_crs(crs), CRS.from_epsg(4326), always_xy=True)
     features = []
     for name, pose in block.poses.items():
@@ -63,6 +68,9 @@ def _shots(block: ForeignBlock, files: dict[str, str], crs: str) -> str:
             "translation": [x, y, z],
             "rotation": vector_of_rotation(Y_DOWN @ pose.rotation).tolist(),
         }
+        if moment := photos[name].time:
+            # Seconds since 1970, as OpenSfM has them: a clock without a zone counts as UTC.
+            known["capture_time"] = datetime.fromisoformat(moment).replace(tzinfo=UTC).timestamp()
         place = {"type": "Point", "coordinates": [*to_degrees.transform(x, y), z]}
         features.append({"type": "Feature", "properties": known, "geometry": place})
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1)

@@ -32,7 +32,17 @@ def project(camera=BROWN, crs="EPSG:2100", flag=1) -> OrientedProject:
     names = ("a", "b/c", "d")
     photos = Photos(
         photos=tuple(
-            Photo(name=n, path=f"{n}.JPG", bands=3, dtype="uint8", camera="cam", width=640, height=480, exif_orientation=flag)
+            Photo(
+                name=n,
+                path=f"{n}.JPG",
+                bands=3,
+                dtype="uint8",
+                camera="cam",
+                width=640,
+                height=480,
+                exif_orientation=flag,
+                time="2016-09-21T15:31:25.5",
+            )
             for n in names
         )
     )
@@ -282,6 +292,7 @@ def test_opendronemap_sees_the_ground_where_we_do():
         found = opencv(known["rotation"], known["translation"], cameras["cam"])
         assert np.abs(found - block_view(given.block, name).project(GROUND)).max() < 1e-3
         assert shot["geometry"]["coordinates"][:2] == pytest.approx([22.92, 39.35], abs=0.02)
+        assert known["capture_time"] == 1474471885.5
     lines = files["geo.txt"].decode().splitlines()
     assert lines[0] == "EPSG:2100" and lines[2] == "c.JPG 407015.0000 4357002.0000 91.0000"
 

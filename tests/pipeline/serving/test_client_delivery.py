@@ -1,7 +1,9 @@
 """What clients download: maps that WebODM can show, everything once, and what only orthomill makes beside it."""
 
+import json
 import zipfile
 
+import laspy
 import numpy as np
 import pytest
 import rasterio
@@ -20,6 +22,18 @@ EAST, NORTH = 500_000.0, 4_320_000.0
 
 
 CODELESS = "+proj=tmerc +lon_0=21.3 +ellps=GRS80 +units=m"
+
+
+KNOWN = {
+    "densification.cells_with_height": 300,
+    "densification.cell": 0.5,
+    "texture.photo_ground_pixel": 0.023,
+    "orientation.gnss_count": 3,
+    "orientation.control_count": 2,
+    "photos.photographs": 3,
+    "run.wall_seconds": None,
+}
+"""figures of a run"""
 
 
 def written(path, values: np.ndarray, crs: str, **more):
@@ -77,10 +91,35 @@ def run_of(folder: TaskFolder, heights) -> None:
     product, _ = heights
     (folder.run / "products").mkdir(parents=True)
     product.rename(folder.run / "products/dsm.tif")
-    for name in ("dsm_check.tif", "points.laz", "accuracy.json", "cameras.json"):
+    for name in ("dsm_check.tif", "accuracy.json", "cameras.json"):
         (folder.run / "products" / name).write_bytes(name.encode())
-    for name in ("report.html", "summary.json", "workflow.yaml"):
+    cloud = laspy.create(point_format=6)
+    cloud.xyz = np.array([[1.0, 2.0, 3.0], [4.0, 6.0, 8.0]])
+    cloud.write(folder.run / "products/points.laz")
+    for name in ("report.html", "workflow.yaml"):
         (folder.run / name).write_text(name)
+    (folder.run / "summary.json").write_text(json.dumps({name: {"value": value} for name, value in KNOWN.items()}))
+
+
+def shown_by_webodm(figures: dict) -> None:
+    """What WebODM 3.2 takes from the figures of a task."""
+    cloud = figures["point_cloud_statistics"]
+    assert cloud["dense"] and cloud["stats"]["statistic"][0]["count"] == 2
+    assert cloud["stats"]["bbox"]["native"]["bbox"] == {
+        "minx": 1.0,
+        "miny": 2.0,
+        "minz": 3.0,
+        "maxx": 4.0,
+        "maxy": 6.0,
+        "maxz": 8.0,
+    }
+    assert figures["odm_processing_statistics"] == {"average_gsd": pytest.approx(2.3)}
+    days = {"start_date": "21/09/2016 at 15:29:25", "end_date": "21/09/2016 at 15:31:25"}
+    assert figures["processing_statistics"] == {"area": 75.0, **days}
+    block = figures["reconstruction_statistics"]
+    assert block["has_gps"] and block["has_gcp"] and "reconstructed_shots_count" not in block
+    assert figures["gcp_errors"]["average_error"] == pytest.approx(0.03)
+    assert figures["gcp_errors"]["error"]["x"] == pytest.approx((0.001 / 2) ** 0.5)
 
 
 def test_everything_is_there_once_and_the_output_names_what_only_orthomill_makes(heights, tmp_path):
@@ -92,8 +131,13 @@ def test_everything_is_there_once_and_the_output_names_what_only_orthomill_makes
         target = folder.run / words[2]
         if asked[-1] == "odm":
             target.mkdir(parents=True)
-            for name in ("shots.geojson", "cameras.json", "geo.txt"):
+            for name in ("cameras.json", "geo.txt"):
                 (target / name).write_text(f"odm {name}")
+            times = [{"capture_time": 1474471885.0}, {}, {"capture_time": 1474471765.5}]
+            errors = [{"role": "control", "error": [0.03, 0.0, 0.04]}, {"role": "control", "error": [-0.01, 0.0, 0.0]}]
+            errors.append({"role": "check", "error": [9.0, 9.0, 9.0]})
+            for name, known in (("shots", times), ("ground_control_points", errors)):
+                (target / f"{name}.geojson").write_text(json.dumps({"features": [{"properties": one} for one in known]}))
         else:
             raise WorkflowError("not today")
 
@@ -107,15 +151,18 @@ def test_everything_is_there_once_and_the_output_names_what_only_orthomill_makes
         names = archive.namelist()
         assert len(set(names)) == len(names) and archive.testzip() is None
         assert archive.read("cameras.json") == b"odm cameras.json" and archive.read("orthomill/cameras.json") == b"cameras.json"
-        assert archive.read("odm_georeferencing/odm_georeferenced_model.laz") == b"points.laz"
+        cloud = (folder.run / "products/points.laz").read_bytes()
+        assert archive.read("odm_georeferencing/odm_georeferenced_model.laz") == cloud
+        figures = json.loads(archive.read("odm_report/stats.json"))
         assert {"odm_dem/dsm.tif", "odm_report/shots.geojson", "orthomill/odm/geo.txt", "orthomill/dsm.tif", "log.json"} <= set(
             names
         )
         assert not [name for name in names if "exported" in name]
+    shown_by_webodm(figures)
     with rasterio.open(folder.path / "made/odm_dem/dsm.tif") as cut:
         # 0.0001 degrees are 8.7 m at this latitude: what is east of the boundary is not delivered.
         assert cut.width == 18 and cut.count == 1
-    for name, content in (("orthomill/summary.json", "summary.json"), ("report.html", "report.html")):
+    for name, content in (("orthomill/workflow.yaml", "workflow.yaml"), ("report.html", "report.html")):
         assert asset_path(folder.path, name).read_text() == content
     assert asset_path(folder.path, "dsm.tif") == folder.path / "made/odm_dem/dsm.tif"
     assert asset_path(folder.path, "all.zip") == folder.results and asset_path(folder.path, "../task.json") is None
