@@ -103,14 +103,15 @@ def ring_values(shown: np.ndarray, place: np.ndarray, radius: float, rings: tupl
     reach = radius * np.array(rings)[:, None]
     col = np.asarray(place)[:, 0, None, None] + reach * np.cos(angle)
     row = np.asarray(place)[:, 1, None, None] + reach * np.sin(angle)
-    x, y = (plane.reshape(len(place), -1).astype(np.float32) for plane in (col, row))
     if not len(place):
         return np.zeros(col.shape, np.float32)
+    x, y = (plane.reshape(len(place), -1).astype(np.float32) for plane in (col, row))
     return cv2.remap(shown, x, y, cv2.INTER_LINEAR).reshape(col.shape)
 
 
 def contrasts(values: np.ndarray) -> np.ndarray:
     """(n,) grey values between the bright and the dark of rings (n, rings, SAMPLES)."""
-    flat = values.reshape(len(values), -1)
-    high, low = np.percentile(flat, (85, 15), axis=1) if len(flat) else (np.zeros(0), np.zeros(0))
+    if not len(values):
+        return np.zeros(0)
+    high, low = np.percentile(values.reshape(len(values), -1), (85, 15), axis=1)
     return high - low

@@ -78,6 +78,8 @@ def _step(away: np.ndarray) -> np.ndarray:
 def likeness(values: np.ndarray, kind: TargetKind) -> np.ndarray:
     """(n,) -1 to 1: the correlation of values (n, rings, SAMPLES) of grey with the template that is most alike, bright on dark or
     the reverse."""
+    if not len(values):
+        return np.zeros(0, np.float32)
     flat = values.reshape(len(values), -1)
     centred = flat - flat.mean(axis=1, keepdims=True)
     normed = centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-6)

@@ -75,3 +75,9 @@ def test_dots_rings_and_spots_are_no_codes():
             place = tuple(int(n) for n in rng.integers(30, 130, 2))
             cv2.circle(image, place, int(rng.integers(5, 25)), int(rng.integers(0, 255)), -1 if number % 2 else 4, cv2.LINE_AA)
         assert ring_coded_dots(cv2.GaussianBlur(image, (0, 0), 0.8)) == []
+
+
+def test_ground_without_light_and_shadow_has_no_targets():
+    assert photo_targets(np.full((90, 90), 120.0, np.float32)) == ()
+    faint = 120.0 + 2.0 * np.sin(np.arange(90) / 3.0).astype(np.float32)
+    assert photo_targets(faint[:, None] + faint[None]) == ()
