@@ -28,11 +28,18 @@ class WantedArea(BaseModel):
         x, y = grid.centres(window)
         inside = np.zeros(window.shape, bool)
         for rings in self.polygons:
-            odd = np.zeros(window.shape, bool)
-            for ring in rings:
-                _cross(np.array(ring), x[None, :], y[:, None], odd)
-            inside |= odd
+            rows, cols = (_between(places, np.array(rings[0])[:, axis]) for axis, places in ((1, y), (0, x)))
+            odd = np.zeros((len(y[rows]), len(x[cols])), bool)
+            for ring in rings if odd.size else ():
+                _cross(np.array(ring), x[None, cols], y[rows, None], odd)
+            inside[rows, cols] |= odd
         return inside if self.polygons else ~inside
+
+
+def _between(places: np.ndarray, corners: np.ndarray) -> slice:
+    """Which of places in a row (N,), falling or rising, lie between the least and the greatest corner."""
+    among = np.flatnonzero((places >= corners.min()) & (places <= corners.max()))
+    return slice(among[0], among[-1] + 1) if len(among) else slice(0)
 
 
 def _cross(ring: np.ndarray, x: np.ndarray, y: np.ndarray, odd: np.ndarray) -> None:

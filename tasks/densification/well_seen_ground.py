@@ -5,6 +5,10 @@ photographs show in pixels much coarser than those of the block is its backgroun
 wrong, and an orthoimage of streaks. Photographs that look down show no such ground.
 """
 
+from math import isqrt
+from typing import NamedTuple
+
+import cv2
 import numpy as np
 
 from orthomill.schemas.maps.wanted_area import Ring, WantedArea
@@ -13,23 +17,52 @@ from orthomill.tasks.geometry.view import view_of
 
 COARSEST = 3.0
 """pixels of the block along the pixel of a photograph on the ground, of the second best that shows a place"""
-_SIDE = 64
-"""squares along a side that are looked at"""
+_FIRST, _FINE = 64, 256
+"""squares along a side that are looked at: to see whether there is background, and to draw its border"""
+_MOST = 20_000_000
+"""squares times photographs for a fine border: some seconds"""
+_SCRAP = 0.05
+"""share of the largest part below which another one is chance: a corner that two photographs happen to show"""
 Rectangle = tuple[float, float, float, float]
 
 
 def well_seen_ground(block: Block, bounds: Area, level: float, pixel: float) -> WantedArea:
     """Where two photographs show the ground at the height `level` (m) in pixels no coarser than `COARSEST` times the `pixel` (m) of
-    the block, within `bounds` (west, south, east, north) m; everywhere where all that two see is so, or nothing is."""
-    west, south, east, north = bounds
-    x, y = (np.linspace(low, high, _SIDE + 1) for low, high in ((west, east), (south, north)))
-    middle = np.meshgrid(0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
-    size = _second_smallest_pixel(block, np.column_stack([*(v.ravel() for v in middle), np.full(_SIDE**2, level)]))
-    seen, well = np.isfinite(size), size <= COARSEST * pixel
-    if not well.any() or (well == seen).all():
+    the block, without scraps, within `bounds` (west, south, east, north) m; everywhere where all that two see is so, or
+    nothing is."""
+    coarse = _squares(block, bounds, level, _FIRST)
+    well = coarse.size <= COARSEST * pixel
+    if not well.any() or (well == np.isfinite(coarse.size)).all():
         return WantedArea()
-    wide = _with_neighbours(well.reshape(_SIDE, _SIDE))
-    return WantedArea(polygons=tuple((_ring(*box),) for box in _rectangles(wide, x, y)))
+    fine = _squares(block, bounds, level, max(_FIRST, min(_FINE, isqrt(_MOST // len(block.photos)))))
+    if not (well := fine.size <= COARSEST * pixel).any():
+        return WantedArea()
+    whole = _with_neighbours(_without_scraps(well))
+    return WantedArea(polygons=tuple((_ring(*box),) for box in _rectangles(whole, fine.x, fine.y)))
+
+
+class _Squares(NamedTuple):
+    """Borders of squares of the ground, `x` (cols + 1,) and `y` (rows + 1,) m, and `_second_smallest_pixel` in their middles (rows,
+    cols), m."""
+
+    x: np.ndarray
+    y: np.ndarray
+    size: np.ndarray
+
+
+def _squares(block: Block, bounds: Area, level: float, side: int) -> _Squares:
+    west, south, east, north = bounds
+    x, y = (np.linspace(low, high, side + 1) for low, high in ((west, east), (south, north)))
+    middle = np.meshgrid(0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
+    points = np.column_stack([*(v.ravel() for v in middle), np.full(side**2, level)])
+    return _Squares(x, y, _second_smallest_pixel(block, points).reshape(side, side))
+
+
+def _without_scraps(squares: np.ndarray) -> np.ndarray:
+    """The connected parts of squares (rows, cols) bool that are no scraps beside the largest of them."""
+    _, number, found, _ = cv2.connectedComponentsWithStats(squares.astype(np.uint8), connectivity=4)
+    area = found[:, cv2.CC_STAT_AREA]
+    return squares & (area >= _SCRAP * area[1:].max())[number]
 
 
 def _second_smallest_pixel(block: Block, points: np.ndarray) -> np.ndarray:

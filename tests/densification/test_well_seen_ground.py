@@ -7,7 +7,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.well_seen_ground import COARSEST, _rectangles, _ring, well_seen_ground
+from orthomill.tasks.densification.well_seen_ground import COARSEST, _rectangles, _ring, _without_scraps, well_seen_ground
 
 CAMERA = Camera(name="one", width=1000, height=800, c=1000.0, x0=0.0, y0=0.0)
 HEIGHT = 10.0
@@ -60,6 +60,13 @@ def test_what_is_seen_along_the_ground_is_left_out():
 def test_a_block_of_nothing_but_background_is_kept_whole():
     walk = block(((-1.0, 0.0), 70.0), ((1.0, 0.0), 70.0))
     assert well_seen_ground(walk, (-100.0, 100.0, 100.0, 200.0), 0.0, HEIGHT / CAMERA.c) == WantedArea()
+
+
+def test_a_second_place_stays_and_scraps_go():
+    squares = np.zeros((40, 40), bool)
+    squares[2:20, 2:20] = squares[25:35, 25:35] = squares[2:4, 30:32] = True
+    kept = _without_scraps(squares)
+    assert kept[2:20, 2:20].all() and kept[25:35, 25:35].all() and not kept[2:4, 30:32].any()
 
 
 @pytest.mark.parametrize("seed", range(4))
