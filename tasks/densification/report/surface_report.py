@@ -280,8 +280,8 @@ def _surface_warnings(cells: SurfaceStatistics, ties: TieCounts, precision: floa
     if (off := _off(ties)) > _OFF:
         yield (
             f"{100 * off:.0f} % of the {ties.points} {_TIES_FOUND} or by more than one pixel of parallax ({pixel:.2g} m): "
-            "so many heights are wrong there. Match with the default (matching: {kind: object_space}), or look where the check "
-            "disagrees."
+            "so many heights are wrong there. Look where the check disagrees; where another way of matching was chosen than the "
+            "default (object_space), try that."
         )
     if precision is not None and precision > _COARSE * pixel:
         yield (
