@@ -22,6 +22,7 @@ from orthomill.tasks.densification.precision.class_medians import median_of
 from orthomill.tasks.densification.precision.tie_points import DISTANCES, TieCounts, around, tie_counts
 from orthomill.tasks.densification.report.densification_report import completeness, report, y_parallax
 from orthomill.tasks.densification.report.line_report import line_report
+from orthomill.tasks.densification.report.surface_report import surface_report
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.surface_tile import CLASSES, SurfaceStatistics
 from orthomill.tasks.matching.dense.blocks import BLOCK
@@ -261,9 +262,16 @@ def test_tie_points_are_compared_with_the_heights_of_their_own_cells():
     assert found.distances[0] == 2 and found.distances[4] == 1
 
 
+@pytest.mark.parametrize(("cell", "area"), [(0.5, "22.5 m²"), (5.0, "0.225 ha"), (200.0, "3.6 km²")])
+def test_areas_have_the_unit_of_their_size(cell, area):
+    surface = SURFACE.model_copy(update={"grid": SURFACE.grid.model_copy(update={"cell": cell})})
+    answers = {answer.topic: answer.text for answer in surface_report(surface, cells(), ties()).answers}
+    assert answers["Area of the surface"] == area
+
+
 def test_a_client_is_told_the_area_and_how_much_of_it_is_measured():
     answers = {answer.topic: answer.text for answer in reported().answers}
-    assert answers["Area of the surface"] == f"{90 * LEVEL_GRID.cell**2 / 1e4:.3g} ha"
+    assert answers["Area of the surface"] == "360 m²"
     assert answers["Heights"].startswith("96 % measured, 4 % estimated") and answers["Heights"].endswith(
         "10 % of the rectangle is empty"
     )

@@ -44,6 +44,8 @@ _COARSE = 1.0
 """pixels of parallax: a surface whose heights are stated to be less precise is usable within limits"""
 _OF_A_PIXEL = 4
 """classes of distances of tie points that a pixel of parallax is wide"""
+_AREAS = (("km²", 1e6, 1e6), ("ha", 1e3, 1e4), ("m²", 0.0, 1.0))
+"""units of an area: from how many m2 on, and how many m2 they are"""
 
 SURFACE_FIGURES = (
     ("cell", "m", "Cell size of the surface model."),
@@ -238,7 +240,8 @@ def _off(ties: TieCounts) -> float:
 def _answers(cells: SurfaceStatistics, surface: Surface) -> Iterator[Answer]:
     known, cell = _known_cells(cells), surface.grid.cell
     area = known * cell * cell
-    yield Answer(topic=Topic.AREA, text=f"{area / 1e6:.3g} km²" if area >= 1e6 else f"{area / 1e4:.3g} ha")
+    unit, size = next((unit, size) for unit, least, size in _AREAS if area >= least)
+    yield Answer(topic=Topic.AREA, text=f"{area / size:.3g} {unit}")
     if known:
         estimated = 100 * sum(cells.provenance[code] for code in ESTIMATED) / known
         empty = 100 * (1 - known / sum(cells.provenance))

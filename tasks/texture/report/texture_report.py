@@ -197,7 +197,7 @@ def _percent(share: float) -> str:
 
 
 def _answers(totals: _Totals, facts: TextureFacts) -> Iterator[Answer]:
-    pixel = f"{facts.cell:g} m in the orthoimage, {facts.ground_pixel:.2g} m in the photographs"
+    pixel = f"{facts.cell:.3g} m in the orthoimage, {facts.ground_pixel:.2g} m in the photographs"
     yield Answer(topic=Topic.GROUND_PIXEL, text=pixel)
     twice = _share(totals.colours.seen[2] + totals.colours.seen[3], totals.pixels - totals.outside)
     yield Answer(
