@@ -13,7 +13,7 @@ import numpy as np
 
 from orthomill.schemas.maps.wanted_area import Ring, WantedArea
 from orthomill.schemas.orientation import Area, Block
-from orthomill.tasks.geometry.view import view_of
+from orthomill.tasks.geometry.view import in_frame, view_of
 
 COARSEST = 3.0
 """pixels of the block along the pixel of a photograph on the ground, of the second best that shows a place"""
@@ -53,9 +53,7 @@ class _Squares(NamedTuple):
 def _squares(block: Block, bounds: Area, level: float, side: int) -> _Squares:
     west, south, east, north = bounds
     x, y = (np.linspace(low, high, side + 1) for low, high in ((west, east), (south, north)))
-    middle = np.meshgrid(0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]))
-    points = np.column_stack([*(v.ravel() for v in middle), np.full(side**2, level)])
-    return _Squares(x, y, _second_smallest_pixel(block, points).reshape(side, side))
+    return _Squares(x, y, _second_smallest_pixel(block, 0.5 * (x[:-1] + x[1:]), 0.5 * (y[:-1] + y[1:]), level))
 
 
 def _without_scraps(squares: np.ndarray) -> np.ndarray:
@@ -65,16 +63,18 @@ def _without_scraps(squares: np.ndarray) -> np.ndarray:
     return squares & (area >= _SCRAP * area[1:].max())[number]
 
 
-def _second_smallest_pixel(block: Block, points: np.ndarray) -> np.ndarray:
-    """Of ground points (N, 3) m, the longer side of the pixel of the second best photograph on level ground (N,) m; inf where fewer
-    show it."""
-    best, second = np.full(len(points), np.inf), np.full(len(points), np.inf)
+def _second_smallest_pixel(block: Block, x: np.ndarray, y: np.ndarray, level: float) -> np.ndarray:
+    """Of ground at x (cols,), y (rows,) and the height `level`, m: the longer side of the pixel (rows, cols) of the second best
+    photograph on level ground, m; inf where fewer show it."""
+    z = np.full((len(y), len(x)), level)
+    best, second = np.full(z.shape, np.inf), np.full(z.shape, np.inf)
     for photo in block.photos:
         view = view_of(photo, block.camera_of(photo.photo))
-        away = view.centre - points
-        shown = view.contains(view.project(points)) & (away[:, 2] > 0)
-        with np.errstate(divide="ignore"):
-            size = np.where(shown, (away**2).sum(axis=1) / (np.abs(away[:, 2]) * view.camera.c), np.inf)
+        east, north, up = view.centre - (0.0, 0.0, level)
+        if up <= 0:
+            continue  # from below the ground
+        shown = in_frame(view, x, y, z)
+        size = np.where(shown, ((x - east) ** 2 + (y[:, None] - north) ** 2 + up**2) / (up * view.camera.c), np.inf)
         second = np.minimum(second, np.maximum(best, size))
         best = np.minimum(best, size)
     return second
@@ -82,12 +82,7 @@ def _second_smallest_pixel(block: Block, points: np.ndarray) -> np.ndarray:
 
 def _with_neighbours(squares: np.ndarray) -> np.ndarray:
     """Squares (rows, cols) bool and those that touch them: what lies on the border of a square belongs to the block."""
-    padded, out = np.pad(squares, 1), np.zeros_like(squares)
-    rows, cols = squares.shape
-    for down in range(3):
-        for right in range(3):
-            out |= padded[down : down + rows, right : right + cols]
-    return out
+    return cv2.dilate(squares.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
 def _rectangles(squares: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[Rectangle]:

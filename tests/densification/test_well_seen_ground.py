@@ -38,6 +38,14 @@ def test_photographs_that_look_down_leave_nothing_out():
     assert well_seen_ground(flight, (-20.0, -20.0, 30.0, 20.0), 0.0, HEIGHT / CAMERA.c) == WantedArea()
 
 
+def test_a_lens_whose_distortion_folds_back_shows_no_ground_beside_its_photograph():
+    """Beyond its field Brown's polynomial comes back into the frame: it would be background of a flight that looks down."""
+    bent = CAMERA.changed(k1=-0.27)
+    down = block(*(((float(x), 0.0), 0.0) for x in (0, 3, 6)))
+    flight = down.model_copy(update={"cameras": {"one": bent}})
+    assert well_seen_ground(flight, (-30.0, -30.0, 36.0, 30.0), 0.0, HEIGHT / CAMERA.c) == WantedArea()
+
+
 def test_what_is_seen_along_the_ground_is_left_out():
     walk, bounds = block(((-1.0, 0.0), 55.0), ((1.0, 0.0), 55.0)), (-100.0, 0.0, 100.0, 200.0)
     pixel = np.hypot(HEIGHT, 14.0) / CAMERA.c
