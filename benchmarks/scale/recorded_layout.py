@@ -74,15 +74,9 @@ def _once(kept: list[PlannedJob]) -> np.ndarray:
     """Every file that is exported whole, and what a function makes in a single job: those that go by photograph, pair or tile make
     more, and so do exports of a window."""
     functions = Counter(family_of(one) for one in kept)
-    return np.array([_whole_file(one) or (functions[family_of(one)] == 1 and not _part(one)) for one in kept])
-
-
-def _whole_file(planned: PlannedJob) -> bool:
-    return isinstance(planned.job, Export) and planned.job.window is None
-
-
-def _part(planned: PlannedJob) -> bool:
-    return isinstance(planned.job, Export) and planned.job.window is not None
+    return np.array([
+        one.job.window is None if isinstance(one.job, Export) else functions[family_of(one)] == 1 for one in kept
+    ])  # fmt: skip
 
 
 def enlarged(layout: Layout, megapixels: float, tile: int) -> Jobs:

@@ -16,9 +16,11 @@ from orthomill.schemas.stage_report import Picture
 PAGE = "products/index.html"
 FOLDER = "products/viewer"
 """beside the page"""
+VALUES = f"{FOLDER}/values"
 TILE = 512
 """px along an image tile"""
-SPAN, LEVELS = 8, 4
+LEVELS = 4
+SPAN = 1 << (LEVELS - 1)  # so that the coarsest level of a part is one tile
 PART = TILE * SPAN
 """px along a part of the finest level; cells along a part of the values"""
 RIM = 1
@@ -95,7 +97,7 @@ def last_tiles_file(number: int, shape: tuple[int, ...]) -> str:
 
 def values_file(row: int, col: int) -> str:
     """Where the `WrittenTiles` of a part of the values lie."""
-    return f"{FOLDER}/values/parts/{row}-{col}.json"
+    return f"{VALUES}/parts/{row}-{col}.json"
 
 
 CLOUD_FILE = f"{FOLDER}/cloud.js"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orthomill.schemas.maps.map_parts import LEVELS, SPAN, TILE, MapLayer, level_count
+from orthomill.schemas.maps.map_parts import LEVELS, TILE, MapLayer, level_count
 
 QUALITY = 88
 """of pictures and ramps; codes are kept exactly"""
@@ -116,6 +116,3 @@ def runs_of(names: tuple[str, ...]) -> Iterator[Run]:
 def _tile(name: str) -> tuple[int, int, str]:
     row, col = Path(name).stem.split("-")
     return int(row), int(col), Path(name).suffix
-
-
-assert SPAN == 1 << (LEVELS - 1), "the coarsest level of a part is one tile"

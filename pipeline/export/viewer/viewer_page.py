@@ -21,6 +21,7 @@ from orthomill.schemas.maps.map_parts import (
     LINES_FILE,
     PAGE,
     TILE,
+    VALUES,
     Shades,
     WrittenTiles,
     first_levels,
@@ -34,7 +35,6 @@ from orthomill.schemas.stage_report import Picture
 
 _BESIDE = str(Path(FOLDER).relative_to(Path(PAGE).parent))
 """the folder of all parts, as the page names it"""
-_VALUES = f"{FOLDER}/values"
 _TEMPLATES = files("orthomill.pipeline.export.viewer") / "templates"
 
 
@@ -50,7 +50,7 @@ def write_page(export: Export, store: ReadableStore, path: Path) -> None:
     if page.values:
         layered = [layer.model_dump(exclude={"rasters"}) for layer in page.values]
         runs = [run[:3] for run in runs_of(_values(export, store))]
-        data["values"] = {"folder": f"{_BESIDE}/values", "size": SIZE, "tiles": runs, "layers": layered}
+        data["values"] = {"folder": f"{_BESIDE}/{Path(VALUES).name}", "size": SIZE, "tiles": runs, "layers": layered}
         data["values"] |= _place(store.spec(page.values[0].rasters["height"]))
     for key, file in (("lines", LINES_FILE), ("cloud", CLOUD_FILE)):
         drawn = file in export.files and store.file(file)
@@ -78,7 +78,7 @@ def _tiles(store: ReadableStore, number: int, spec: RasterSpec) -> dict[int, tup
 
 
 def _values(export: Export, store: ReadableStore) -> tuple[str, ...]:
-    lists = (store.file(file) for file in export.files if file.startswith(_VALUES))
+    lists = (store.file(file) for file in export.files if file.startswith(VALUES))
     return tuple(name for found in lists for name in WrittenTiles.model_validate_json(found).names.get(0, ()))
 
 
@@ -96,9 +96,9 @@ def remove_stale(export: Export, store: ReadableStore, depot: Depot) -> None:
     assert isinstance(page, MapPage)
     for number, picture in enumerate(page.pictures):
         _keep_only(depot, f"{FOLDER}/{number}", _kept(store, number, store.spec(picture.raster)))
-    lists = {file for file in export.files if file.startswith(_VALUES)}
-    _keep_only(depot, _VALUES, {"": set(_values(export, store)), "parts": {Path(file).name for file in lists}})
-    known = {str(number) for number in range(len(page.pictures))} | {Path(_VALUES).name}
+    lists = {file for file in export.files if file.startswith(VALUES)}
+    _keep_only(depot, VALUES, {"": set(_values(export, store)), "parts": {Path(file).name for file in lists}})
+    known = {str(number) for number in range(len(page.pictures))} | {Path(VALUES).name}
     for folder in set(depot.folders(FOLDER)) - known:
         depot.clear(f"{FOLDER}/{folder}")
 
