@@ -15,12 +15,14 @@ from orthomill.pipeline.serving.node.access import Token
 from orthomill.pipeline.serving.node.node_service import NodeService
 from orthomill.pipeline.serving.node.request_fields import fields_of, text_of, whole_number
 from orthomill.pipeline.serving.node.streamed_uploads import MultipartReader
-from orthomill.pipeline.serving.outputs.asset_files import asset_path
+from orthomill.pipeline.serving.outputs.asset_files import asset_path, listed_assets, task_assets
 from orthomill.pipeline.serving.queue.task_state import TaskStatus
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 
 CONTRACT = "2.2.1"
 """version of NodeODM whose contract is kept: clients choose their way of uploading by it"""
+MOST_LISTED = 1000
+"""files that an answer lists besides those that everybody asks for"""
 Answer = Callable[[Request], Awaitable[Response]]
 
 
@@ -64,6 +66,7 @@ class NodeRoutes:
             Route("/task/new/commit/{uuid}", told(self._commit), methods=["POST"]),
             Route("/task/{uuid}/info", told(self._task_info)),
             Route("/task/{uuid}/output", told(self._task_output)),
+            Route("/task/{uuid}/assets", told(self._assets)),
             Route("/task/{uuid}/download/{asset:path}", told(self._download)),
             Route("/task/{verb:str}", self._command, methods=["POST"]),
             Route("/auth/info", self._auth),
@@ -147,6 +150,16 @@ class NodeRoutes:
         state = self._service.task(bearer(request), request.path_params["uuid"])
         first = whole_number(request.query_params.get("line", "0"), "line")
         return JSONResponse(await run_in_threadpool(self._service.queue.of(state.uuid).lines, first))
+
+    async def _assets(self, request: Request) -> Response:
+        """What a task has to be downloaded, as ScaleODM answers."""
+        state, query = self._service.task(bearer(request), request.path_params["uuid"]), request.query_params
+        wanted = query.get("includeAdditional") == "true"
+        most = min(max(whole_number(query.get("additionalLimit", "100"), "additionalLimit"), 1), MOST_LISTED) if wanted else 0
+        folder = self._service.queue.of(state.uuid)
+        places = await run_in_threadpool(lambda: [asset.place for asset in task_assets(folder.path)])
+        there = ["all.zip", *places] if state.status == TaskStatus.COMPLETED else []
+        return JSONResponse(listed_assets(state.uuid, there, most))
 
     async def _download(self, request: Request) -> Response:
         state = self._service.task(bearer(request), request.path_params["uuid"])

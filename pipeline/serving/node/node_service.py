@@ -12,7 +12,7 @@ from orthomill.pipeline.serving.node.access import Access, Token
 from orthomill.pipeline.serving.node.request_fields import created_of, options_of, outputs_of, text_of
 from orthomill.pipeline.serving.node.streamed_uploads import Receiver
 from orthomill.pipeline.serving.node.task_options import TaskOptions
-from orthomill.pipeline.serving.queue.object_places import allowed_address
+from orthomill.pipeline.serving.queue.object_places import allowed_address, apart
 from orthomill.pipeline.serving.queue.task_folder import UUID, TaskFolder
 from orthomill.pipeline.serving.queue.task_queue import TaskQueue
 from orthomill.pipeline.serving.queue.task_state import GivenOption, TaskState, TaskStatus, now
@@ -65,15 +65,17 @@ class NodeService:
             raise WorkflowError("This node calls no webhooks; ask for the task's info instead.")
         if webhook and not _WEB.fullmatch(webhook):
             raise WorkflowError(f"webhook {webhook[:60]!r} is no address that begins with http:// or https://.")
+        places = {"read_from": self._address(fields, "readS3Path") or self._address(fields, "zipurl")}
+        places["write_to"] = self._address(fields, "writeS3Path")
+        apart(**places)
         return state.model_copy(
             update={
                 "name": text_of(fields, "name", 200) or "Task",
                 "options": options,
                 "outputs": outputs_of(fields),
                 "webhook": webhook,
-                "read_from": self._address(fields, "readS3Path") or self._address(fields, "zipurl"),
-                "write_to": self._address(fields, "writeS3Path"),
                 "created": created_of(fields, now()),
+                **places,
             }
         )
 

@@ -7,11 +7,17 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from orthomill.pipeline.storage.whole_files import whole_file
 
 ORTHO, DSM, DTM = "odm_orthophoto/odm_orthophoto.tif", "odm_dem/dsm.tif", "odm_dem/dtm.tif"
 CLOUD = "odm_georeferencing/odm_georeferenced_model.laz"
+ROOMS = frozenset(
+    {"odm_orthophoto", "odm_dem", "odm_georeferencing", "odm_texturing", "odm_report", "entwine_pointcloud", "3d_tiles"}
+    | {"orthophoto_tiles", "orthomill"}
+)
+"""folders of all.zip"""
 PLACES = {"points.laz": CLOUD, "report.html": "odm_report/report.html", "report.pdf": "odm_report/report.pdf"}
 """places in all.zip of products that go there as they are"""
 OWN = "orthomill"
@@ -24,6 +30,8 @@ SHORT = {
     "report.html": PLACES["report.html"],
 }
 """single files that can be downloaded by the names of the contract"""
+PRIMARY = {"all_zip": "all.zip", "orthophoto": ORTHO, "dsm": DSM, "dtm": DTM, "point_cloud": CLOUD}
+"""what everybody asks for, by the names of ScaleODM"""
 _RUN_FILES = ("summary.json", "workflow.yaml", "report.html", "report.pdf", "signature.json", "tiles.html")
 _MEANINGS = """These files are orthomill's; every estimate comes with its precision.
 
@@ -94,8 +102,29 @@ def asset_path(task: Path, name: str) -> Path | None:
     if name == "all.zip":
         return path if (path := task / "all.zip").is_file() else None
     place = SHORT.get(name, name)
-    made = (
+    return next((asset.path for asset in task_assets(task) if asset.place == place), None)
+
+
+def task_assets(task: Path) -> Iterator[Asset]:
+    """Every file that a task delivers, by its place in all.zip."""
+    made = [
         Asset(path, path.relative_to(task / "made").as_posix()) for path in sorted((task / "made").rglob("*")) if path.is_file()
-    )
+    ]
     runs = [path for path in (task / "runs").iterdir() if path.is_dir()] if (task / "runs").is_dir() else []
-    return next((asset.path for run in runs for asset in assets(run, made) if asset.place == place), None)
+    for run in runs:
+        yield from assets(run, made)
+
+
+def listed_assets(uuid: str, places: list[str], most: int) -> dict[str, list[dict[str, Any]]]:
+    """The files of a task as ScaleODM lists them: those that everybody asks for, there or not, and at most so many others."""
+
+    def at(place: str) -> dict[str, str]:
+        return {"asset": place, "downloadUrl": f"/task/{uuid}/download/{place}"}
+
+    known = set(places)
+    primary = [
+        {"id": kind, "asset": place, "exists": place in known} | (at(place) if place in known else {})
+        for kind, place in PRIMARY.items()
+    ]
+    others = [at(place) for place in places if place not in PRIMARY.values()]
+    return {"primary": primary} | ({"additional": others[:most]} if most else {})

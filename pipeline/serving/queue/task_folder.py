@@ -1,6 +1,7 @@
 """The folder of one task. Each of its files has one writer, and is written whole: a kill leaves the old one or the new one.
 
 task.json       the state, written by the server
+wishes.json     what the options ask for, written by the server
 images/         the photographs, and the lists beside them (gcp_list.txt, geo.txt)
 unused/         files of the upload that orthomill has no use for
 workflows/, runs/task/   the project, written by the ordinary commands
@@ -16,6 +17,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from orthomill.pipeline.serving.queue.task_state import TaskEnd, TaskProgress, TaskState
+from orthomill.pipeline.serving.queue.wishes import Wishes
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
@@ -49,6 +51,15 @@ class TaskFolder:
     def keep(self, state: TaskState) -> None:
         """Write the state. Raises StoreError."""
         write_whole(self.path / "task.json", state.model_dump_json(indent=1).encode())
+
+    def wishes(self) -> Wishes:
+        """What the options of the task ask for."""
+        path = self.path / "wishes.json"
+        return Wishes.model_validate_json(path.read_bytes()) if path.exists() else Wishes()
+
+    def keep_wishes(self, wishes: Wishes) -> None:
+        """Write what the options ask for. Raises StoreError."""
+        write_whole(self.path / "wishes.json", wishes.model_dump_json(indent=1).encode())
 
     def progress(self) -> TaskProgress:
         """How far the task is."""

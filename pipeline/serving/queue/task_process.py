@@ -76,12 +76,12 @@ def process_task(order: TaskOrder) -> None:
 
 def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
     state = folder.state() or TaskState(uuid=folder.uuid)
-    wishes = read_wishes(folder)
+    wishes = folder.wishes()
     _end_orphan(folder)
     folder.say(*([f"Continued after an interruption (attempt {state.attempts})."] if state.attempts > 1 else wishes.notes))
     limits = ArchiveLimits(order.most_files, order.most_file_bytes, order.most_bytes, reserve=order.reserve)
     if state.read_from:
-        found = fetched_photographs(state.read_from, folder.images, task_rules(state.read_from, limits))
+        found = fetched_photographs(state.read_from, folder.images, task_rules(state.read_from, state.write_to, limits))
         count = sum(map(is_image, found.files))
         folder.say(f"{state.read_from}: {count} photographs, {found.left} other objects left out.")
         folder.tell_progress(folder.progress().model_copy(update={"images": count}))
@@ -94,7 +94,7 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
         workflow.rename(start)
     folder.say(*write_wished_workflow(start, workflow, wishes))
     told = ToldRun(folder.progress())
-    _command(order, folder, _run_words(order, wishes), told)
+    _command(order, folder, _run_words(order, wishes, begun=told.progress.share > 0), told)
     folder.say("Files are written for the client.")
     lines = write_delivery(
         folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), told.verdict, order.paper
@@ -114,14 +114,9 @@ def _unpack(folder: TaskFolder, limits: ArchiveLimits) -> None:
         archive.unlink()
 
 
-def read_wishes(folder: TaskFolder) -> Wishes:
-    """What the options of a task ask for."""
-    path = folder.path / "wishes.json"
-    return Wishes.model_validate_json(path.read_bytes()) if path.exists() else Wishes()
-
-
-def _run_words(order: TaskOrder, wishes: Wishes) -> list[str]:
-    again = ["--from", wishes.rerun_from] if wishes.rerun_from else []
+def _run_words(order: TaskOrder, wishes: Wishes, begun: bool = False) -> list[str]:
+    """`begun`: an earlier attempt has begun again where it was wished, and this one goes on."""
+    again = ["--from", wishes.rerun_from] if wishes.rerun_from and not begun else []
     if order.scheduler:
         return ["run", PROJECT, "--json", "--scheduler", order.scheduler, *again]
     processes = min(wishes.processes or order.processes, order.processes or wishes.processes)

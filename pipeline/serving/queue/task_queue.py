@@ -22,7 +22,6 @@ from orthomill.pipeline.serving.queue.task_folder import UUID, TaskFolder
 from orthomill.pipeline.serving.queue.task_process import ENGINE, TaskOrder
 from orthomill.pipeline.serving.queue.task_state import TaskState, TaskStatus, now
 from orthomill.pipeline.serving.queue.wishes import Wishes
-from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.memory import GIB, MIB
 
@@ -109,7 +108,7 @@ class TaskQueue:
     def add(self, upload: TaskFolder, state: TaskState, wishes: Wishes) -> TaskState:
         """Take an upload that is whole as a task. Raises StoreError; what was uploaded is kept then."""
         ready = state.model_copy(update={"status": TaskStatus.QUEUED, "queued": now(), "bytes": upload.bytes_used()})
-        write_whole(upload.path / "wishes.json", wishes.model_dump_json(indent=1).encode())
+        upload.keep_wishes(wishes)
         upload.keep(ready)
         _to_the_medium(upload)
         # From this rename on the task exists, whatever happens.
@@ -147,14 +146,16 @@ class TaskQueue:
         """Put a task that has ended into the queue again, with other options where they are given. Raises ResourceError for one
         that has not ended."""
         with self._lock:
-            state = self.tasks[uuid]
+            state, folder = self.tasks[uuid], self.of(uuid)
             if not state.status.ended:
                 raise ResourceError("Only a task that has ended can be restarted; cancel it first.")
-            if wishes is not None:
-                write_whole(self.of(uuid).path / "wishes.json", wishes.model_dump_json(indent=1).encode())
-            self.of(uuid).begin_again()
+            # From where an earlier restart began is not asked for again.
+            folder.keep_wishes(wishes or folder.wishes().model_copy(update={"rerun_from": ""}))
+            folder.begin_again()
             changes = {} if options is None else {"options": options}
-            fresh = {"begun": -1, "ended": -1, "attempts": 0, "losses": 0, "error": "", "told": True}
+            # Photographs of a store are counted anew by the process of the task.
+            images = 0 if state.read_from else state.images
+            fresh = {"begun": -1, "ended": -1, "attempts": 0, "losses": 0, "error": "", "told": True, "images": images}
             self._change(uuid, status=TaskStatus.QUEUED, queued=now(), **fresh, **changes)
 
     def told(self, uuid: str) -> None:

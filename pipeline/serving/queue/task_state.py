@@ -60,7 +60,6 @@ class TaskState(BaseModel):
     bytes: int = 0
     """what its folder holds, counted when it was given and when it ended"""
     error: str = ""
-    rerun_from: str = ""
     told: bool = True
     """whether the webhook has been told of the present end"""
 

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.serving.killed_node import begun, killed, memory, upload_streamed
 from benchmarks.serving.running_node import node, photographs
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
+from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words
 from orthomill.pipeline.serving.queue.task_queue import QueueRules, TaskQueue
 from orthomill.pipeline.serving.queue.task_state import TaskState, TaskStatus, now
 from orthomill.pipeline.serving.queue.wishes import Wishes
@@ -117,6 +118,21 @@ def test_a_full_disk_is_a_sentence_and_tasks_wait(queue):
     found.rules = QueueRules(reserve=2**60)
     found.look()
     assert "of the disk are free" in found.trouble and started == [] and found.tasks[name].status == TaskStatus.QUEUED
+
+
+def test_a_stage_that_a_restart_began_at_is_begun_again_once(queue):
+    found, _ = queue
+    (name,) = names(1)
+    upload(found, name)
+    found.cancel(name)
+    found.look()
+    found.restart(name, (), Wishes(rerun_from="texture", dem_cell=0.5))
+    order, wishes = TaskOrder(folder=found.of(name).path), found.of(name).wishes()
+    assert _run_words(order, wishes)[-2:] == ["--from", "texture"] and "--from" not in _run_words(order, wishes, begun=True)
+    found.cancel(name)
+    found.look()
+    found.restart(name)
+    assert found.of(name).wishes() == Wishes(dem_cell=0.5)
 
 
 def test_old_tasks_go_by_the_rule_and_others_stay(queue):

@@ -60,7 +60,15 @@ def posted_form(running, path: str, *parts: tuple[str, str | None, bytes], token
 
 ROUTES = ["/", "/info", "/options", "/tasks.json", "/login", "/auth/info", "/auth/login", "/view/{n}/{u}/{n}", "/{n}", "/task/list"]
 ROUTES += ["/task/new", "/task/new/init", "/task/new/upload/{u}", "/task/new/commit/{u}", "/task/{u}/info", "/task/{u}/output"]
-ROUTES += ["/task/{u}/download/{n}", "/task/{u}/download/../{n}", "/task/cancel", "/task/remove", "/task/restart", "/task/{n}"]
+ROUTES += [
+    "/task/{u}/assets",
+    "/task/{u}/download/{n}",
+    "/task/{u}/download/../{n}",
+    "/task/cancel",
+    "/task/remove",
+    "/task/restart",
+    "/task/{n}",
+]
 NAMES = ["all.zip", "../../../etc/passwd", "%2e%2e%2f%2e%2e%2ftoken.txt", "%00", "task.json", "odm_dem/dsm.tif", "é", "x" * 3000]
 NAMES += [""]
 VALUES = [
@@ -153,6 +161,20 @@ def test_nothing_is_read_without_the_token(running, done):
     status, content, headers = asked(running, "GET", "/")
     assert status == 200 and b'name="token"' in content and "script-src" not in headers["content-security-policy"]
     assert asked(running, "GET", "/health")[1] == b'{"status":"ok"}'
+
+
+def test_what_a_task_has_is_listed_as_scaleodm_lists_it(running, done):
+    def listed(query: str = "", task: str = done) -> dict:
+        return json.loads(asked(running, "GET", f"/task/{task}/assets?token={TOKEN}{query}")[1])
+
+    primary = {one.pop("id"): one for one in listed()["primary"]}
+    assert [kind for kind, one in primary.items() if one["exists"]] == ["all_zip", "point_cloud"]
+    assert primary["dtm"] == {"asset": "odm_dem/dtm.tif", "exists": False} and "additional" not in listed()
+    others = listed("&includeAdditional=true&additionalLimit=2")["additional"]
+    assert len(others) == 2 and "whole number" in listed("&includeAdditional=true&additionalLimit=x")["error"]
+    for one in (primary["all_zip"], primary["point_cloud"], *others):
+        assert asked(running, "GET", f"{one['downloadUrl']}?token={TOKEN}", Range="bytes=0-0")[0] == 206
+    assert "not found" in listed(task=UUID)["error"]
 
 
 def test_parts_of_the_results_by_range(running, done):

@@ -5,7 +5,7 @@ import requests
 
 from benchmarks.serving.running_node import TOKEN, node, photographs
 from orthomill.pipeline.serving.outputs.asset_files import Asset
-from orthomill.pipeline.serving.queue.object_places import allowed_address, send_results, task_rules
+from orthomill.pipeline.serving.queue.object_places import allowed_address, apart, send_results, task_rules
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits
 from orthomill.pipeline.serving.queue.upload_names import belongs_beside
 from orthomill.pipeline.storage.depots.fetched_photographs import FetchRules, fetched_photographs
@@ -49,8 +49,8 @@ def bucket(tmp_path):
     return folder
 
 
-def fetched(address: str, target):
-    return fetched_photographs(address, target, task_rules(address, LIMITS))
+def fetched(address: str, target, results: str = ""):
+    return fetched_photographs(address, target, task_rules(address, results, LIMITS))
 
 
 def test_photographs_and_lists_are_fetched_once_and_side_by_side(bucket, tmp_path):
@@ -61,6 +61,19 @@ def test_photographs_and_lists_are_fetched_once_and_side_by_side(bucket, tmp_pat
     assert fetched(bucket.as_uri(), target).new == 0
     (bucket / "flight.zip").write_bytes(b"x" * 7)
     assert fetched(f"{bucket.as_uri()}/flight.zip", target) == (("flight.zip",), 1, 0)
+
+
+def test_results_below_the_photographs_are_no_photographs(bucket, tmp_path):
+    (bucket / "notes.pdf").unlink()
+    for name in ("output/cameras.json", "older/odm_dem/dsm.tif"):
+        (bucket / name).parent.mkdir(parents=True)
+        (bucket / name).write_bytes(b"x")
+    place = bucket.as_uri()
+    assert fetched(place, tmp_path / "images", f"{place}/output") == (("a.jpg", "101MEDIA_a.jpg", "gcp_list.txt"), 3, 2)
+    assert fetched(place, tmp_path / "images", f"{place}/out").left == 1
+    with pytest.raises(WorkflowError, match="where the photographs lie; name a place of its own"):
+        apart(place, place)
+    apart("", "")
 
 
 def test_what_is_too_much_is_a_sentence(bucket, tmp_path):
@@ -104,7 +117,7 @@ def test_a_task_reads_from_a_store_and_writes_to_it_and_users_have_quotas(tmp_pa
     with node(
         tmp_path / "home", STANDIN_PREFIX=place, STANDIN_TOKENS=str(tmp_path / "tokens.yaml"), STANDIN_PAUSE="0.3"
     ) as running:
-        fields = {"readS3Path": f"{place}/flight/", "writeS3Path": f"{place}/results", "name": "from a store"}
+        fields = {"readS3Path": f"{place}/flight/", "writeS3Path": f"{place}/flight/results", "name": "from a store"}
 
         def asked(**given) -> dict:
             address = f"http://127.0.0.1:{running.port}/task/new"
@@ -117,7 +130,10 @@ def test_a_task_reads_from_a_store_and_writes_to_it_and_users_have_quotas(tmp_pa
         assert other.info().task_queue_count == 1
         task.wait_for_completion(interval=0.1)
         assert task.info().images_count == 2
-        assert (tmp_path / "bucket/results/odm_georeferencing/odm_georeferenced_model.laz").exists()
+        assert task.restart()
+        task.wait_for_completion(interval=0.1)
+        assert task.info().images_count == 2
+        assert (tmp_path / "bucket/flight/results/odm_georeferencing/odm_georeferenced_model.laz").exists()
         # What belongs to one is not there for another.
         told = requests.get(f"http://127.0.0.1:{running.port}/task/list", params={"token": f"{TOKEN}-of-ben"}, timeout=60).json()
         assert told == []
