@@ -62,6 +62,7 @@ def _shots(block: ForeignBlock, files: dict[str, str], photos: Photos, crs: str)
         x, y, z = pose.centre.tolist()
         known = {
             "filename": files[name],
+            "camera": camera.name,
             "focal": camera.c / max(camera.width, camera.height),
             "width": camera.width,
             "height": camera.height,

@@ -289,7 +289,7 @@ def test_opendronemap_sees_the_ground_where_we_do():
     shots, cameras = json.loads(files["shots.geojson"]), json.loads(files["cameras.json"])
     for name, shot in zip(given.block.names, shots["features"], strict=True):
         known = shot["properties"]
-        found = opencv(known["rotation"], known["translation"], cameras["cam"])
+        found = opencv(known["rotation"], known["translation"], cameras[known["camera"]])
         assert np.abs(found - block_view(given.block, name).project(GROUND)).max() < 1e-3
         assert shot["geometry"]["coordinates"][:2] == pytest.approx([22.92, 39.35], abs=0.02)
         assert known["capture_time"] == 1474471885.5

@@ -41,6 +41,12 @@ def test_nothing_runs_as_root_or_writes_where_it_must_not():
     assert "readOnlyRootFilesystem: true" in CHART and "runAsNonRoot: true" in CHART and "allowPrivilegeEscalation: false" in CHART
 
 
+def test_both_images_hold_the_same():
+    recipe = (DEPLOY / "orthomill.def").read_text()
+    for found in (r"/source\[[a-z,]+\]", r"lib[a-z]+-[a-z0-9.-]+|fonts-[a-z-]+", r"python:[0-9a-z.-]+"):
+        assert set(re.findall(found, recipe)) == set(re.findall(found, DOCKERFILE)) != set()
+
+
 def test_what_an_image_copies_and_a_chart_asks_for_is_there():
     assert (DEPLOY / "entry.sh").stat().st_mode & 0o111 and "deploy/entry.sh" in DOCKERFILE
     subprocess.run(["sh", "-n", str(DEPLOY / "entry.sh")], check=True)
