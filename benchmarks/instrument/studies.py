@@ -613,6 +613,14 @@ _ALL = (
         SERVING,
         words="[KILLS [TASKS]]",
     ),
+    Study(
+        "hostile_node",
+        "serving.hostile_node",
+        "what a node answers to strangers: requests that know its routes, archives that harm",
+        "minutes",
+        SERVING,
+        words="[REQUESTS [ARCHIVES]]",
+    ),
     # watching
     Study(
         "tile_map",

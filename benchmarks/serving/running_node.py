@@ -16,6 +16,7 @@ from PIL import Image
 from pyodm import Node
 
 from benchmarks.serving import standin_node
+from orthomill.pipeline.serving.queue.task_process import ENGINE
 
 TOKEN = "s3cret-s3cret"
 ROOT = Path(__file__).parents[2]
@@ -42,10 +43,13 @@ class RunningNode:
 
 
 @contextmanager
-def node(home: Path, port: int = 0, parallel: int = 1, **environment: str) -> Iterator[RunningNode]:
-    """A node until the context ends; it is killed then, as a machine that loses its power would do it."""
+def node(home: Path, port: int = 0, parallel: int = 1, real: bool = False, **environment: str) -> Iterator[RunningNode]:
+    """A node until the context ends; it is killed then, as a machine that loses its power would do it. `real`: the command `serve`
+    with the engine itself."""
     port = port or free_port()
     command = [sys.executable, "-m", standin_node.__name__, str(home), str(port), str(parallel)]
+    if real:
+        command = [*ENGINE, "serve", str(home), "--port", str(port), "--tasks", str(parallel)]
     home.mkdir(parents=True, exist_ok=True)
     known = os.environ | {"ORTHOMILL_TOKEN": TOKEN} | environment
     with open(home / "node.log", "ab") as log:
