@@ -75,7 +75,7 @@ def random_request(chance: random.Random, uuids: list[str]) -> tuple[str, str, b
         body = json.dumps(chance.choice([fields, [], None, {"uuid": {}}, {"options": {"a": 1}}])).encode()
         headers["Content_Type"] = "application/json"
     elif kind == "multipart":
-        parts = [(name, None, value.encode()) for name, value in fields.items()]
+        parts: list[tuple[str, str | None, bytes]] = [(name, None, value.encode()) for name, value in fields.items()]
         parts += [("images", chance.choice([*NAMES, "a.jpg", "b.zip", "gcp_list.txt"]).replace("\x00", ""), b"PK\x03\x04" * 9)]
         body = form(*parts, end=chance.choice([b"--", b""]))[: chance.choice([None, 30, 200])]
         headers["Content_Type"] = chance.choice([f"multipart/form-data; boundary={BOUNDARY}", "multipart/form-data", "multipart/x"])

@@ -37,6 +37,10 @@ def told(answer: Answer) -> Answer:
             # Sending the same again helps nobody, unless the disk gets room meanwhile.
             again = {} if isinstance(error, ResourceError) else {"noRetry": True}
             return JSONResponse({"error": str(error)} | again)
+        except OSError as error:
+            return JSONResponse(
+                {"error": f"The disk of this node refuses it ({error.strerror}); nothing is lost, try again later."}
+            )
 
     return answered
 
@@ -183,6 +187,6 @@ class NodeRoutes:
             if not uuid:
                 return JSONResponse({"error": "uuid param missing."})
             await run_in_threadpool(does[verb], bearer(request), uuid, fields)
-        except OrthomillError as error:
+        except (OrthomillError, OSError) as error:
             return JSONResponse({"success": False, "error": str(error)})
         return JSONResponse({"success": True})

@@ -124,10 +124,7 @@ class UploadStore:
                     sizes[name] = earlier
             if not isinstance(error, OSError):
                 raise
-            raise ResourceError(
-                f"{name} cannot be kept: {os.strerror(error.errno or 0)}. What was uploaded before is kept; send it again when "
-                "there is room."
-            ) from error
+            raise _not_kept(name, error) from error
 
     def sort(self, upload: TaskFolder) -> tuple[int, list[str]]:
         """Put aside what is no photograph and no list; the number of photographs (an archive counts as many), and sentences about
@@ -165,6 +162,13 @@ class UploadStore:
                 self.forget(path.name)
 
 
+def _not_kept(name: str, error: OSError) -> ResourceError:
+    return ResourceError(
+        f"{name} cannot be kept: {os.strerror(error.errno or 0)}. What was uploaded before is kept; send it again when "
+        "there is room."
+    )
+
+
 @dataclass
 class Receipt:
     """A file that is being received, and the sizes of all files of its upload."""
@@ -187,7 +191,10 @@ class Receipt:
         if self.size >= self._checked:
             self._checked = self.size + 16 * MIB
             self.check()
-        self.stream.write(block)
+        try:
+            self.stream.write(block)
+        except OSError as error:
+            raise _not_kept(self.name, error) from error
 
     def check(self) -> None:
         """Raises WorkflowError where the upload is too large by now, ResourceError where the disk is nearly full."""

@@ -1,20 +1,25 @@
 """A node that is killed loses nothing that it acknowledged, and one that lives takes what is larger than its memory."""
 
+import errno
 import json
 import os
 import signal
 import time
 from pathlib import Path
 
+import anyio
 import pytest
 
 from benchmarks.serving.killed_node import begun, killed, memory, upload_streamed
 from benchmarks.serving.running_node import node, photographs
+from orthomill.pipeline.serving.node.node_routes import told
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words
 from orthomill.pipeline.serving.queue.task_queue import QueueRules, TaskQueue
 from orthomill.pipeline.serving.queue.task_state import TaskState, TaskStatus, now
+from orthomill.pipeline.serving.queue.upload_store import Receipt, UploadLimits, UploadStore
 from orthomill.pipeline.serving.queue.wishes import Wishes
+from orthomill.schemas.errors import ResourceError
 
 
 def test_kills_at_random_moments_lose_nothing(tmp_path):
@@ -133,6 +138,18 @@ def test_a_stage_that_a_restart_began_at_is_begun_again_once(queue):
     found.look()
     found.restart(name)
     assert found.of(name).wishes() == Wishes(dem_cell=0.5)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device here that is always full")
+def test_a_disk_that_fills_while_a_file_comes_refuses_it_with_a_sentence(tmp_path):
+    with open("/dev/full", "wb", buffering=0) as stream, pytest.raises(ResourceError, match=r"a\.jpg cannot be kept: No space"):
+        Receipt(stream, "a.jpg", {}, 10**9, UploadStore(tmp_path, UploadLimits(reserve=0))).write(b"x")
+
+    async def refused(request):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    answer = anyio.run(told(refused), None)
+    assert answer.status_code == 200 and b"refuses it (No space left on device)" in answer.body
 
 
 def test_old_tasks_go_by_the_rule_and_others_stay(queue):
