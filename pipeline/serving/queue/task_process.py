@@ -69,8 +69,9 @@ def process_task(order: TaskOrder) -> None:
             end = TaskEnd(error=str(error))
         except OSError as error:
             end = TaskEnd(error=f"{error.filename or 'The disk'}: {error.strerror}; the task can be restarted when that is mended.")
-        if end.error:
-            folder.say(f"error: {end.error}")
+        # A command that failed has told its error already.
+        if end.error and folder.lines(-1) != [said := f"error: {end.error}"]:
+            folder.say(said)
         folder.tell_end(end)
 
 

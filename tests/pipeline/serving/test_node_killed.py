@@ -12,9 +12,10 @@ import pytest
 
 from benchmarks.serving.killed_node import begun, killed, memory, upload_streamed
 from benchmarks.serving.running_node import node, photographs
+from benchmarks.serving.standin_node import ENGINE
 from orthomill.pipeline.serving.node.node_routes import told
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
-from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words
+from orthomill.pipeline.serving.queue.task_process import TaskOrder, _run_words, process_task
 from orthomill.pipeline.serving.queue.task_queue import QueueRules, TaskQueue
 from orthomill.pipeline.serving.queue.task_state import TaskState, TaskStatus, now
 from orthomill.pipeline.serving.queue.upload_store import Receipt, UploadLimits, UploadStore
@@ -150,6 +151,15 @@ def test_a_disk_that_fills_while_a_file_comes_refuses_it_with_a_sentence(tmp_pat
 
     answer = anyio.run(told(refused), None)
     assert answer.status_code == 200 and b"refuses it (No space left on device)" in answer.body
+
+
+def test_an_error_is_told_once(tmp_path):
+    folder = TaskFolder(tmp_path)
+    folder.images.mkdir()
+    (folder.images / "a.jpg").touch()
+    process_task(TaskOrder(folder=tmp_path, engine=ENGINE))
+    end = folder.end()
+    assert end is not None and folder.lines() == [f"error: {end.error}"] == ["error: There are no two photographs in images."]
 
 
 def test_old_tasks_go_by_the_rule_and_others_stay(queue):
