@@ -22,7 +22,7 @@ from benchmarks.instrument.result_page import write_page
 from benchmarks.serving.hostile_archives import OUTSIDE, hostile_archives
 from benchmarks.serving.killed_node import begun, memory
 from benchmarks.serving.random_requests import ANSWERS, random_request
-from benchmarks.serving.running_node import TOKEN, RunningNode, node
+from benchmarks.serving.running_node import TOKEN, RunningNode, asked, node
 
 PATIENCE = 1800.0
 """seconds for all tasks"""
@@ -54,27 +54,20 @@ def ask_at_random(running: RunningNode, count: int, seen: Seen, seed: int = 43) 
     chance, uuids = random.Random(seed), [begun(running)]
     for _ in range(count):
         method, path, body, headers = random_request(chance, uuids[-4:])
-        known = {name.replace("_", "-"): value for name, value in headers.items()}
-        answer = _sent(running, method, path, body, known)
-        seen.codes[answer.status_code] += 1
-        if answer.status_code not in ANSWERS or any(word in answer.content for word in (b"Traceback", b"root:x:", TOKEN.encode())):
-            seen.bad_answers.append(f"{method} {path[:200]}: {answer.status_code}")
-        if answer.status_code == 200 and answer.content.startswith(b'{"uuid"'):
-            uuids.append(answer.json()["uuid"])
+        code, content, _ = asked(running, method, path, body, **headers)
+        seen.codes[code] += 1
+        if code not in ANSWERS or any(word in content for word in (b"Traceback", b"root:x:", TOKEN.encode())):
+            seen.bad_answers.append(f"{method} {path[:200]}: {code}")
+        if code == 200 and content.startswith(b'{"uuid"'):
+            uuids.append(json.loads(content)["uuid"])
         _without_token(running, method, path.replace(TOKEN, "not-the-token"), uuids, seen)
 
 
-def _sent(running: RunningNode, method: str, path: str, body: bytes | None, headers: dict[str, str]) -> requests.Response:
-    address = f"http://127.0.0.1:{running.port}{path}"
-    return requests.request(method, address, data=body, headers=headers, timeout=120, allow_redirects=False)
-
-
 def _without_token(running: RunningNode, method: str, path: str, uuids: list[str], seen: Seen) -> None:
-    answer = _sent(running, method, path, None, {})
+    code, content, _ = asked(running, method, path)
     seen.asked_without += 1
-    seen.open_answers += any(uuid.encode() in answer.content for uuid in uuids) or (
-        answer.status_code == 200 and path.split("?")[0] not in ("/", "/login", "/health")
-    )
+    told = any(uuid.encode() in content for uuid in uuids)
+    seen.open_answers += told or (code == 200 and path.split("?")[0] not in ("/", "/login", "/health"))
 
 
 def upload_archives(running: RunningNode, count: int, seen: Seen) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """A node with the engine that stands in, running: shared by the tests that speak to it as clients do."""
 
+import http.client
 import os
 import socket
 import subprocess
@@ -40,6 +41,19 @@ class RunningNode:
     def client(self, token: str = TOKEN) -> Node:
         """PyODM, as WebODM has it."""
         return Node("127.0.0.1", self.port, token)
+
+
+def asked(
+    running: RunningNode, method: str, path: str, body: bytes | None = None, **headers: str
+) -> tuple[int, bytes, dict[str, str]]:
+    """Code, content and headers of an answer; the path goes out as it is, where other clients would mend it."""
+    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=60)
+    try:
+        connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
+        answer = connection.getresponse()
+        return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
+    finally:
+        connection.close()
 
 
 @contextmanager

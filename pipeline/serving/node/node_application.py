@@ -86,7 +86,10 @@ def node_application(service: NodeService, pages: list[Route], tidy: Callable[[]
             group.cancel_scope.cancel()
 
     routes = [Route("/health", _health), *pages, *NodeRoutes(service).routes()]
-    return Starlette(routes=routes, middleware=[Middleware(TokenGuard, access=service.access)], lifespan=looking_after)
+    application = Starlette(routes=routes, middleware=[Middleware(TokenGuard, access=service.access)], lifespan=looking_after)
+    # A redirection would send the token on, in an address that whoever asked may have named.
+    application.router.redirect_slashes = False
+    return application
 
 
 async def _again_and_again(action: Callable[[], None], seconds: float) -> None:

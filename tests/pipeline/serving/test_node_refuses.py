@@ -1,6 +1,5 @@
 """What strangers send: a thousand requests that know the routes end in sentences, and nobody reads anything without the token."""
 
-import http.client
 import json
 import random
 import re
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.serving.random_requests import ANSWERS, BOUNDARY, UUID, form, random_request
-from benchmarks.serving.running_node import TOKEN, node, photographs
+from benchmarks.serving.running_node import TOKEN, asked, node, photographs
 from orthomill.pipeline.report.paper import FLAGS
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -26,19 +25,13 @@ def running(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(running, tmp_path_factory):
     """A task that has ended."""
-    task = running.client().create_task(photographs(tmp_path_factory.mktemp("photographs")), {}, name="<b>done</b>")
+    return ended(running, tmp_path_factory.mktemp("photographs"))
+
+
+def ended(running, folder: Path) -> str:
+    task = running.client().create_task(photographs(folder), {}, name="<b>done</b>")
     task.wait_for_completion(interval=0.1)
     return task.uuid
-
-
-def asked(running, method: str, path: str, body: bytes | None = None, **headers: str) -> tuple[int, bytes, dict[str, str]]:
-    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=60)
-    try:
-        connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
-        answer = connection.getresponse()
-        return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
-    finally:
-        connection.close()
 
 
 def posted_form(running, path: str, *parts: tuple[str, str | None, bytes], token: str = TOKEN) -> dict:
@@ -52,12 +45,14 @@ def files_beside(home: Path) -> set[Path]:
     return {path for path in home.parent.rglob("*") if not path.is_relative_to(home)}
 
 
-def test_a_thousand_requests_end_in_sentences(running, done):
+def test_a_thousand_requests_end_in_sentences(running, tmp_path):
+    # A task of its own: requests by lot restart it and remove it.
+    own = ended(running, tmp_path)
     chance, before = random.Random(43), files_beside(running.home)
     seen: dict[int, int] = {}
-    uuids = [done]
+    uuids = [own]
     for _ in range(1000):
-        method, path, body, headers = random_request(chance, [done, *uuids[-3:]])
+        method, path, body, headers = random_request(chance, [own, *uuids[-3:]])
         status, content, _ = asked(running, method, path, body, **headers)
         seen[status] = seen.get(status, 0) + 1
         assert status in ANSWERS, (method, path, content)
@@ -83,6 +78,7 @@ def test_nothing_is_read_without_the_token(running, done):
     assert asked(running, "POST", "/task/remove", f'{{"uuid": "{done}"}}'.encode(), Content_Type="application/json")[0] == 401
     status, content, headers = asked(running, "GET", "/")
     assert status == 200 and b'name="token"' in content and "script-src" not in headers["content-security-policy"]
+    assert asked(running, "GET", f"/task/x/?token={TOKEN}")[0] == 404  # and is not sent elsewhere
     assert asked(running, "GET", "/health")[1] == b'{"status":"ok"}'
 
 
