@@ -15,7 +15,8 @@ SEA_LEVEL, ALTITUDE = 5, 6
 _PACKET = (
     '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
     '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about=""'
-    ' xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/" xmlns:Camera="http://pix4d.com/camera/1.0/"{}/>'
+    ' xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/" xmlns:Camera="http://pix4d.com/camera/1.0/"'
+    ' xmlns:GPano="http://ns.google.com/photos/1.0/panorama/"{}/>'
     '</rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
 )
 
@@ -24,7 +25,8 @@ _PACKET = (
 class Altered:
     """How copies differ from the photographs with these `numbers` in the order of the flight, each by its number: `zoom`: by which
     part of the frame the copy is enlarged; `tags`: changes the EXIF tags; `packet`: XMP tags by their names; `name`: of the copy,
-    with folders; `suffix`; `with_gps`: whether its position is kept; `beside`: texts or bytes of further files by name."""
+    with folders; `suffix`; `with_gps`: whether its position is kept; `picture`: of its pixels; `data`: of the bytes of its file;
+    `beside`: bytes of further files by name."""
 
     numbers: Sequence[int]
     zoom: Callable[[int], float] = lambda number: 1.0
@@ -33,6 +35,8 @@ class Altered:
     name: Callable[[int], str] = lambda number: f"DJI_{number + 18:04d}"
     suffix: str = ".JPG"
     with_gps: bool = True
+    picture: Callable[[Image.Image], Image.Image] = lambda image: image
+    data: Callable[[int, bytes], bytes] = lambda number, data: data
     beside: Callable[["Flown"], dict[str, bytes]] = lambda flown: {}
 
 
@@ -52,11 +56,7 @@ class Flown:
         """The altered copies, in a new folder."""
         folder.mkdir(parents=True)
         for number in how.numbers:
-            tags = _opened(self._file(number)).getexif()
-            # What belongs to the file of the original, and padding as large as the copy itself.
-            for tag in (MAKER_NOTE, PADDING):
-                tags.get_ifd(EXIF).pop(tag, None)
-                tags.pop(tag, None)
+            tags = self.tags(number)
             if not how.with_gps:
                 del tags[GPS]
             how.tags(number, tags)
@@ -65,10 +65,24 @@ class Flown:
             packet = how.packet(number)
             more = {"xmp": packet_of(packet)} if packet else {}
             more |= {"quality": 93} if how.suffix == ".JPG" else {}
-            _small(self._file(number), how.zoom(number)).save(file, exif=tags if how.suffix == ".tif" else tags.tobytes(), **more)
+            image = how.picture(self.picture(number, how.zoom(number)))
+            image.save(file, exif=tags if how.suffix == ".tif" else tags.tobytes(), **more)
+            file.write_bytes(how.data(number, file.read_bytes()))
         for name, content in how.beside(self).items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(content)
+
+    def tags(self, number: int) -> Image.Exif:
+        """The tags of a photograph, without what belongs to the file of the original and padding as large as the copy itself."""
+        tags = _opened(self._file(number)).getexif()
+        for tag in (MAKER_NOTE, PADDING):
+            tags.get_ifd(EXIF).pop(tag, None)
+            tags.pop(tag, None)
+        return tags
+
+    def picture(self, number: int, zoom: float = 1.0) -> Image.Image:
+        """The pixels of a photograph, enlarged by `zoom` and small."""
+        return _small(self._file(number), zoom)
 
     def _file(self, number: int) -> Path:
         return sorted(self.folder.glob("*.JPG"))[number]

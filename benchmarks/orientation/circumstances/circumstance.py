@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.measured_run import orthomill
+from benchmarks.measured_run import MeasuredRun, orthomill
 from benchmarks.orientation.circumstances.altered_photographs import Altered, Flown
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError
@@ -13,19 +13,23 @@ from orthomill.schemas.orientation import BLOCK, Block
 
 DOUBTFUL = re.compile(r"^doubtful (.*)$", re.MULTILINE)
 """a sentence of the terminal about what puts every result in doubt"""
+REFUSED = re.compile(r"error: (.*)$", re.MULTILINE)
+"""the sentence that ends a command"""
 
 
 @dataclass(frozen=True)
 class Circumstance:
     """One input: its `kind` and what is altered (`what`); the words of a sentence that `init` says (None: none is needed), and of
-    the first doubt after a run (`first`; "": the run need not be made); `right`: whether the block came out as it should."""
+    the first doubt after a run (`first`; "": the run need not be made); `right`: whether the block came out as it should,
+    beside the flight before it was altered; `options` of `init`."""
 
     kind: str
     what: str
     photographs: Altered
     says: str | None = None
     first: str = ""
-    right: Callable[[Block], bool] | None = None
+    right: Callable[[Flown, Block], bool] | None = None
+    options: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -41,10 +45,12 @@ class Outcome:
 
     @property
     def verdict(self) -> str:
-        """right, named first, named in `init`, or silent."""
+        """right, named first, refused, named in `init`, or silent."""
         named = bool(self.case.first) and self.case.first in self.first
         if self.right:
             return "right, and named first" if named else "right" if not self.case.first else "right, but not named first"
+        if any(self.codes):
+            return "refused"
         if named:
             return "named first"
         return "named by `init`" if self.case.says and self.said else "**silent**"
@@ -53,19 +59,24 @@ class Outcome:
 def ended(case: Circumstance, flown: Flown, root: Path) -> Outcome:
     """The outcome of `init` and, where something is expected of it, `run` to the orientation in the new folder `root`."""
     flown.written(root / "photos", case.photographs)
-    started = orthomill(root, "init", "site", "--photos", "photos")
+    started = orthomill(root, "init", "site", "--photos", "photos", *case.options)
     said = case.says is None or case.says in " ".join(started.output.split())
     if started.code or not (case.first or case.right):
-        return Outcome(case, (started.code, None), said, "", None)
+        return Outcome(case, (started.code, None), said, _sentence(started), None)
     done = orthomill(root, "run", "site", "--until", "orientation", "--sequential")
-    doubts = DOUBTFUL.findall(done.output)
-    return Outcome(case, (0, done.code), said, doubts[0] if doubts else "", _right(case, root / "runs" / "site"))
+    right = _right(case, flown, root / "runs" / "site") if case.right and not done.code else None
+    return Outcome(case, (0, done.code), said, _sentence(done), right)
 
 
-def _right(case: Circumstance, run: Path) -> bool | None:
-    if case.right is None:
-        return None
+def _sentence(done: MeasuredRun) -> str:
+    """The error that ended a command, or the first doubt; "": neither."""
+    found = (REFUSED if done.code else DOUBTFUL).search(done.output)
+    return found.group(1) if found else ""
+
+
+def _right(case: Circumstance, flown: Flown, run: Path) -> bool:
+    assert case.right
     try:
-        return case.right(Store(run).table(BLOCK))
+        return case.right(flown, Store(run).table(BLOCK))
     except OrthomillError:
         return False

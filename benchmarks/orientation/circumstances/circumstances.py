@@ -45,7 +45,7 @@ def page(rows: list[Outcome]) -> str:
             "Copies of brighton of 400 x 225 px, each altered in one way, through `init` and, where the photographs have "
             "to show it, `run --until orientation`, all defaults. *Named first*: the first doubt on the terminal names the cause.",
             "",
-            "| kind | what is altered | exit codes | outcome | the first doubt |",
+            "| kind | what is altered | exit codes | outcome | the first doubt, or the error |",
             "| --- | --- | --- | --- | --- |",
             *map(_row, rows),
         ]

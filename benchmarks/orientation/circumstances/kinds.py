@@ -1,4 +1,4 @@
-"""The circumstances by kind: what is altered in the photographs, and what has to be said of it or come out."""
+"""The circumstances by kind: what the tags of photographs and the files beside them say, and what has to be said of it."""
 
 from collections.abc import Callable, Iterator
 
@@ -17,6 +17,8 @@ from benchmarks.orientation.circumstances.altered_photographs import (
     Flown,
 )
 from benchmarks.orientation.circumstances.circumstance import Circumstance
+from benchmarks.orientation.circumstances.control_kinds import control_kinds
+from benchmarks.orientation.circumstances.picture_kinds import picture_kinds
 from orthomill.schemas.orientation import Block
 
 SHORT, LONG = range(2, 10), range(18)
@@ -35,6 +37,8 @@ def circumstances() -> Iterator[Circumstance]:
     yield from _precision()
     yield from _formats()
     yield from _positions()
+    yield from control_kinds()
+    yield from picture_kinds()
 
 
 def _zooms() -> Iterator[Circumstance]:
@@ -53,9 +57,9 @@ def _offsets() -> Iterator[Circumstance]:
         half = numbers[len(numbers) // 2]
         photographs = Altered(numbers, tags=_raised(lambda number, half=half, offset=offset: offset * (number >= half)))
         what = f"heights of half of {len(numbers)} by {offset:+g} m"
-        yield Circumstance("flights", what, photographs, None, "m in height")
+        yield Circumstance("flights", what, photographs, None, "with an offset of their own")
     three = Altered(LONG, tags=_raised(lambda number: (0.0, 12.0, -9.0)[number // 6]))
-    yield Circumstance("flights", "heights of three strips by 0, +12, -9 m", three, None, "m in height")
+    yield Circumstance("flights", "heights of three strips by 0, +12, -9 m", three, None, "with an offset of their own")
 
 
 def _drones() -> Iterator[Circumstance]:
@@ -150,17 +154,17 @@ def _below(which: Callable[[int], bool]) -> Callable[[int, Image.Exif], None]:
     return lambda number, tags: tags.get_ifd(GPS).__setitem__(SEA_LEVEL, b"\x01" if which(number) else b"\x00")
 
 
-def _ratio(factor: float) -> Callable[[Block], bool]:
+def _ratio(factor: float) -> Callable[[Flown, Block], bool]:
     """Whether the block has two cameras, of which one has `factor` times the constant of the other."""
 
-    def right(block: Block) -> bool:
+    def right(flown: Flown, block: Block) -> bool:
         constants = sorted(block.cameras[name].c for name in set(block.of_photo.values()))
         return len(constants) == 2 and abs(constants[1] / constants[0] / factor - 1.0) < ALIKE
 
     return right
 
 
-def _cameras(count: int) -> Callable[[Block], bool]:
-    return lambda block: (
+def _cameras(count: int) -> Callable[[Flown, Block], bool]:
+    return lambda flown, block: (
         len(set(block.of_photo.values())) == count and bool(np.isfinite([c.c for c in block.cameras.values()]).all())
     )
