@@ -51,7 +51,7 @@ def _single(found: list[tuple[ListText, FoundControl]]) -> Iterator[ChosenContro
         if control.holds == "all" and control.format.startswith("GCP list"):
             yield ChosenControl(one.path, format=control.format, system=control.system)
         elif control.holds == "all":
-            yield ChosenControl(points=one.path, format=control.format)
+            yield ChosenControl(points=one.path, format=control.format, system=control.system)
 
 
 def _pairs(found: list[tuple[ListText, FoundControl]]) -> Iterator[ChosenControl]:

@@ -46,24 +46,32 @@ def control_in(text: str, names: PhotographNames) -> FoundControl | None:
         return None
     if _GSI.match(data[0]):
         return FoundControl("Leica GSI", "points", frozenset(_GSI_NAME.findall(text)))
-    if found := gcp_list_in(lines, names):
+    found = gcp_list_in(lines, names)
+    # Below a line that is no system, what looks like such a list may be a table whose columns have names.
+    if found and found.system and known_crs(found.system) is not None:
         return found
+    table = _table_in(text, names)
+    if found and not (table and table.holds == "all"):
+        return found
+    return table or _headless_control([line for _, line in lines_of(text).others], names)
+
+
+def _table_in(text: str, names: PhotographNames) -> FoundControl | None:
+    """What a table with named columns holds."""
     for head in possible_heads(lines_of(text)):
         sign, has = head.separation, [column.meaning for column in head.columns]
         if "name" not in has or len(has) < 3:
             continue
         rows = [row for _, line in head.data if len(row := sign.cells(line)) > has.index("name")]
         own = frozenset(row[has.index("name")] for row in rows)
+        placed = {"x", "y"} <= set(has) or {"lon", "lat"} <= set(has)
         if {"photo", "col", "row"} <= set(has):
             seen = [row[has.index("photo")] for row in rows if len(row) > has.index("photo")]
-            return FoundControl("control measurements", "marks", own, photographs=count_named(seen, names))
-        if (
-            "photo" not in has
-            and ({"x", "y"} <= set(has) or {"lon", "lat"} <= set(has))
-            and not any(names.find(one) or is_image_word(one) for one in own)
-        ):
+            what = ("table of points and measurements", "all") if placed else ("control measurements", "marks")
+            return FoundControl(*what, own, stated_in(lines_of(text)) if placed else None, count_named(seen, names))
+        if "photo" not in has and placed and not any(names.find(one) or is_image_word(one) for one in own):
             return FoundControl("control points", "points", own, stated_in(lines_of(text)))
-    return _headless_control([line for _, line in lines_of(text).others], names)
+    return None
 
 
 def _control_in_markup(text: str, names: PhotographNames) -> FoundControl | None:

@@ -23,6 +23,7 @@ from orthomill.tasks.orientation.control.absent_photographs import Rule, Skipped
 from orthomill.tasks.orientation.control.control_rows import MEASUREMENT_COLUMNS, POINT_COLUMNS, Row, Rows, StatedControl
 from orthomill.tasks.orientation.control.formats.landxml_points import is_landxml, landxml_rows
 from orthomill.tasks.orientation.control.formats.leica_gsi import gsi_rows, is_gsi
+from orthomill.tasks.orientation.control.formats.marked_table import is_marked_table, marked_rows
 from orthomill.tasks.orientation.control.formats.metashape_xml import is_markers_xml, marker_rows
 from orthomill.tasks.orientation.control.formats.micmac_xml import is_micmac, micmac_marks, micmac_points
 from orthomill.tasks.orientation.control.formats.opensfm_points import is_opensfm, opensfm_rows
@@ -99,6 +100,8 @@ def _points_in(photos: Photos, text: str, stated: StatedControl, mistakes: list[
     for recognises, read in ((is_gsi, gsi_rows), (is_landxml, landxml_rows), (is_micmac, micmac_points)):
         if recognises(text):
             return read(text, stated, mistakes), None
+    if is_marked_table(text):
+        return marked_rows(text, stated, mistakes)
     return point_rows(text, stated, mistakes), None
 
 

@@ -175,6 +175,10 @@ def receiver(system: str, unit: float = 1.0) -> str:
     return "\n".join(lines) + "\n"
 
 
+def marked_table() -> str:
+    return gcp("{name};{x};{y};{z};{photo};{col};{row}", head="Punkt;Rechtswert;Hochwert;Höhe;Foto;Spalte;Zeile")
+
+
 def comma(text: str) -> str:
     return text.replace(".", ",").replace(",JPG", ".JPG")
 
@@ -295,6 +299,8 @@ FILES = {
     "LandXML": lambda: filed(landxml(), marks()),
     "MicMac": lambda: filed(*micmac()),
     "OpenSfM": lambda: filed(opensfm(), None),
+    "points beside their measurements": lambda: filed(marked_table(), None),
+    "points beside their measurements, decimal commas": lambda: filed(comma(marked_table()), None),
     "UTF-16 with semicolons": lambda: filed(table(OWN_LINE, OWN).replace(",", ";").encode("utf-16"), marks()),
 }
 
@@ -391,6 +397,10 @@ REFUSED = [
     (
         lambda: filed(table(OWN_LINE.replace("0.0", "20.0"), OWN), marks()),
         r"standard errors of 20\.02, 20\.02, 20\.03.*errors_in: mm",
+    ),
+    (
+        lambda: filed(marked_table().replace("P3;390970.75", "P3;390970.85", 1), None),
+        r"line 7: point P3 has other coordinates than in line 6",
     ),
     (lambda: filed(table("{name},{x},{y},{z}", "name,x,y,z"), None), "come without measurements in photographs"),
     (lambda: filed(table("{name},{x}", "name,x"), marks()), r"lacks the column\(s\) y"),

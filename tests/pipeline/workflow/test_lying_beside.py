@@ -205,6 +205,11 @@ TIMES = "".join(f"2023/05/17 08:15:0{n}.0 52.8 17.1 170.0 1 12 0.01 0.01 0.02\n"
         ({"site.kml": "<kml xmlns='x'/>"}, None, "Not used: site/site.kml is a KML file"),
         ({"site.dxf": "  0\nSECTION\n  2\nENTITIES\n"}, None, r"Not used: site/site.dxf is a drawing \(DXF\)"),
         ({"points.geojson": '{"type": "FeatureCollection"}'}, None, "Not used: site/points.geojson is a GeoJSON file"),
+        (
+            {"marked.csv": "Punkt;Rechtswert;Hochwert;Höhe;Foto;Spalte;Zeile\nP1;340607,7;548220,8;70,8;a.jpg;2,5;3\n"},
+            "site/marked.csv",
+            "",
+        ),
         ({"titled.txt": f"Survey of May\n{GCP}"}, "site/titled.txt", ""),
         ({"named.txt": GCP.replace("340607.768", "P1 340607.768")}, "site/named.txt", ""),
         (
