@@ -33,6 +33,7 @@ from orthomill.schemas.findings.datum_findings import (
     GroupsUnconnected,
     LooksUpward,
     NoDatum,
+    PointsExchanged,
     PositionsCrowded,
     TiltUnobserved,
 )
@@ -68,6 +69,7 @@ BlockFinding = Annotated[
     | BlockBent
     | LooksUpward
     | AxesExchanged
+    | PointsExchanged
     | DistortionFolds
     | InteriorUndetermined
     | InteriorFixed

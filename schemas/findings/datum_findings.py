@@ -228,6 +228,26 @@ class AxesExchanged(SpokenFinding):
         )
 
 
+class PointsExchanged(SpokenFinding):
+    """The control fits only with two of its points exchanged."""
+
+    code: Literal["points_exchanged"] = "points_exchanged"
+    first: str
+    second: str
+    exchanged_m: float
+    given_m: float | None
+    """root mean square misfits; None: as given the photographs would look up from below the ground"""
+
+    @property
+    def sentence(self) -> str:
+        given = f"as given to {self.given_m:.2f} m" if self.given_m is not None else "as given it shows the ground from below"
+        return (
+            f"The control points {self.first} and {self.second} seem to be exchanged: with the coordinates of one at the other the "
+            f"control fits the block to {self.exchanged_m:.2f} m, {given}. Neither was used; exchange their names or coordinates "
+            "in the file."
+        )
+
+
 class GroupsUnconnected(SpokenFinding):
     """No tie points connect these groups of photographs; each has a datum of its own. The largest comes first."""
 

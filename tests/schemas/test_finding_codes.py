@@ -48,6 +48,7 @@ BLOCK_VALUES = {
     "interior_demanded": {"camera": "n", "x0_px": -7.1, "y0_px": -14.4, "k3": -0.13, "sigma0_px": (0.138, 0.112)},
     "looks_upward": {},
     "axes_exchanged": {"exchanged_m": 0.04, "given_m": 512.0},
+    "points_exchanged": {"first": "P1", "second": "P2", "exchanged_m": 0.04, "given_m": 12.4},
     "distortion_folds": {"camera": "n", "reach_px": 2100.0, "corner_px": 2500.0, "k1": -0.31, "c": 3500.0},
     "interior_undetermined": {"camera": "n", "share": None},
     "interior_fixed": {"cameras": ("n", "z")},

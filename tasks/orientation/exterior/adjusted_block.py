@@ -15,7 +15,6 @@ from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.findings.block_findings import BlockFinding
 from orthomill.schemas.findings.camera_findings import ConstantContradicted, InteriorFixed
 from orthomill.schemas.findings.datum_findings import DatumMisfit
-from orthomill.schemas.findings.observation_findings import ControlUnmet
 from orthomill.schemas.observations import Control, TiePoints
 from orthomill.schemas.orientation import RelativeOrientations, SeparateBlocks, Unoriented
 from orthomill.schemas.photo import Photos
@@ -47,6 +46,7 @@ from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lev
 from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
 from orthomill.tasks.orientation.exterior.datum_afterwards import as_adjusted, explained_datum
+from orthomill.tasks.orientation.exterior.datum_of_part import datum_of_part
 from orthomill.tasks.orientation.exterior.explained_adjustment import AdjustmentStart, ExplainedBlock, explained
 from orthomill.tasks.orientation.exterior.own_errors import held_by_own, own_turn, parts_sentence
 from orthomill.tasks.orientation.exterior.started_again import where_it_is
@@ -65,15 +65,12 @@ from orthomill.tasks.orientation.sources.elevation_model import Elevation, Eleva
 from orthomill.tasks.orientation.sources.source_findings import contradicted_sources, covered_by, own_constants, source_statements
 from orthomill.tasks.orientation.start.block_growth import Given, GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import Blocks, BlockStart, start_blocks, start_with, without_photo
-from orthomill.tasks.orientation.start.georeference import Datum, choose_datum, free_of_its_place, given_up, looks_elsewhere
+from orthomill.tasks.orientation.start.georeference import Datum, free_of_its_place, given_up, looks_elsewhere
 from orthomill.tasks.orientation.start.weak_photograph import AWAY, away_from_its_position, obstructing, set_aside, weakest
 
 ENOUGH_CONTROL = 3
 """Control points that determine a similarity transformation, and with it the flying height apart from the camera constant and the
 positions apart from a common shift."""
-
-UNMET = 2
-"""Control points whose rays do not meet, by more than a wrong name"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,13 +312,8 @@ def _without_miscounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[
 
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:
     model, known = known_of(have.photos, have.cameras, have.material, start, have.control, have.tops)
-    choices = have.choices
-    shifted = choices.gnss_shift == "constant"
-    datum = choose_datum(model, known, vertical_sigma(choices, have.photos), choices.looking, shifted, origin)
-    # Half of them at least: single wrong names are found by the blunder tests, and named.
-    if known.unmet >= UNMET and 2 * known.unmet > known.measured:
-        unmet = ControlUnmet(points=known.unmet, measured=known.measured, turned=bool(have.tops))
-        datum = replace(datum, findings=(*datum.findings, unmet))
+    sigma, names = vertical_sigma(have.choices, have.photos), tuple(point.name for point in taking_part(have.control))
+    datum = datum_of_part(model, known, have.choices, sigma, names, bool(have.tops), origin)
     return Part(start, model, known, datum, origin)
 
 

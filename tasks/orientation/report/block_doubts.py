@@ -19,6 +19,7 @@ from orthomill.schemas.findings.datum_findings import (
     GroupsUnconnected,
     LooksUpward,
     NoDatum,
+    PointsExchanged,
     TiltUnobserved,
 )
 from orthomill.schemas.findings.foreign_findings import BlockElsewhere
@@ -33,6 +34,7 @@ from orthomill.tasks.orientation.report.several_findings import finding_sentence
 
 GRAVE = (
     NoDatum,
+    PointsExchanged,
     UnitContradicted,
     ScaleContradicted,
     ConstantOfItsOwn,

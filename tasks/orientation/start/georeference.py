@@ -284,13 +284,13 @@ def _direction(points: np.ndarray) -> np.ndarray:
 def _looks_up(model: State, points: _CommonPoints, fit: _DatumFit) -> AxesExchanged | LooksUpward | None:
     """Whether the photographs look upwards by their control. With X and Y exchanged, control shows the ground in a mirror, which is
     nearly the ground seen from below."""
-    if (fit.similarity.rotation @ _mean_up(model))[2] > -UPWARD:
+    if (fit.similarity.rotation @ mean_up(model))[2] > -UPWARD:
         return None
     source, target = points.model[fit.near], points.local[fit.near]
     exchanged = target[:, [1, 0, 2]]
-    other = fit_similarity(source, exchanged, fit.sigma, VerticalityConstraint(_mean_up(model), 0.0))
+    other = fit_similarity(source, exchanged, fit.sigma, VerticalityConstraint(mean_up(model), 0.0))
     own, better = _rms(fit.similarity, source, target), _rms(other, source, exchanged)
-    if (other.rotation @ _mean_up(model))[2] > UPWARD and 2.0 * better < own:
+    if (other.rotation @ mean_up(model))[2] > UPWARD and 2.0 * better < own:
         return AxesExchanged(exchanged_m=better, given_m=own)
     return LooksUpward()
 
@@ -300,7 +300,7 @@ def _rms(similarity: Similarity, source: np.ndarray, target: np.ndarray) -> floa
     return float(np.sqrt(((similarity.apply(source) - target) ** 2).sum(axis=1).mean()))
 
 
-def _mean_up(model: State) -> np.ndarray:
+def mean_up(model: State) -> np.ndarray:
     """Mean axis (3,) of the photographs, from the ground to the cameras."""
     return up_direction(model.rotation, np.tile(DOWN, (len(model.rotation), 1)))
 
@@ -363,7 +363,7 @@ def own_system(scaled: bool) -> str:
 def _upright(model: State, top: np.ndarray) -> tuple[np.ndarray, float, str]:
     """A rotation (3, 3) that makes vertical what is across the plane that the photographs show, or else their mean axis; the height
     of the cameras above the ground, and what they stand on in words. `top` (P, 3) as in Known."""
-    axis = _mean_up(model)
+    axis = mean_up(model)
     ground = model.point[np.isfinite(model.point).all(axis=1)]
     centre = model.centre.mean(axis=0)
     rows = np.einsum("pij,pi->pj", model.rotation, np.cross(top, DOWN))
