@@ -88,15 +88,20 @@ def foreseen_points(loaded: LoadedWorkflow, marking: Marking) -> Iterator[str]:
         yield f"As GPX and GeoJSON for the field: orthomill mark {loaded.project.project} --where"
 
 
-def marked_automatically(session: MarkingSession, targets_in: Callable[[np.ndarray], tuple[FoundTarget, ...]]) -> Iterator[str]:
-    """Mark what needs nobody; says of each point in how many photographs, what is wrong, and where the files are."""
+def marked_automatically(
+    session: MarkingSession, targets_in: Callable[[np.ndarray], tuple[FoundTarget, ...]], told: Callable[[str], None]
+) -> Iterator[str]:
+    """Mark what needs nobody; says of each point in how many photographs, what is wrong, and where the files are. `told` is called
+    with what is done next."""
+    numbers = {photo: number for number, photo in enumerate(session.crops.photos, 1)}
 
     @cache
     def targets_of(photo: str) -> tuple[FoundTarget, ...]:
+        told(f"targets in {photo} ({numbers[photo]} of {len(numbers)})")
         return targets_in(session.crops.pixels(photo))
 
     before = {(point.name, photo) for point in session.ledger.marks.points for photo in point.marks}
-    marks = session.mark_automatically(targets_of)
+    marks = session.mark_automatically(targets_of, told)
     for point in marks.points:
         new = [mark for photo, mark in point.marks.items() if (point.name, photo) not in before]
         by = {kind: sum(mark.by == kind for mark in new) for kind in ("target", "matched")}

@@ -1,6 +1,7 @@
 """Marks without a person: what is proposed is taken where nothing speaks against it, and what the block then contradicts is taken
 back."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 from orthomill.schemas.marks import ExpectedSight, Mark, MarkedPoint, MarkJudgement, MarkProposal, Marks
@@ -27,12 +28,15 @@ class Proposes(Protocol):
         """The marks of a point carried to the photographs that should show it."""
 
 
-def automatic_marks(who: Proposes, belief: Belief, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
-    """The marks with all that need nobody; those that were there stay as they are."""
+def automatic_marks(
+    who: Proposes, belief: Belief, marks: Marks, read: ReadGrey, targets_of: TargetsOf, told: Callable[[str], None]
+) -> Marks:
+    """The marks with all that need nobody; those that were there stay as they are. `told` is called with what is done next."""
     by_hand = {(point.name, photo) for point in marks.points for photo in point.marks}
     found = _with_coded(marks, belief, targets_of)
-    for _ in range(ROUNDS):
+    for turn in range(1, ROUNDS + 1):
         before = found
+        told(f"round {turn} of at most {ROUNDS}: points are looked for where the marks so far expect them")
         for point in found.points:
             if point.role != "unused":
                 taken = {one.photo: _mark(one) for one in who.proposals(found, point.name, read) if not one.refused}

@@ -1,5 +1,6 @@
 """Everything that the marking page asks: one value with the state of knowledge of a project, oriented or not."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -71,10 +72,11 @@ class Marker:
         """Where another control or check point would help most; empty before the photographs are oriented."""
         return next_points(self.belief, marks) if self.oriented else ()
 
-    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
+    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf, told: Callable[[str], None]) -> Marks:
         """The marks with those that need nobody: coded targets by their names, targets and matches where points are expected, and
-        targets that nobody listed as tie points. `targets_of`: all targets of a photograph."""
-        return automatic_marks(self, self.belief, marks, read, targets_of)
+        targets that nobody listed as tie points. `targets_of`: all targets of a photograph; `told` is called
+        with what is done next."""
+        return automatic_marks(self, self.belief, marks, read, targets_of, told)
 
     @cached_property
     def _features(self) -> SharedFeatures | None:

@@ -37,7 +37,7 @@ def mark(
         known = Marking(marker_of, given_points, marks_of, hidden_mask)
         if auto or where:
             with marking_session(loaded, known, points, crs) as session:
-                for line in marked_automatically(session, targets_in) if auto else ():
+                for line in marked_automatically(session, targets_in, lambda text: err.print(escape(text))) if auto else ():
                     out.print(escape(line), soft_wrap=True)
                 for line in session.next_points() if where else ():
                     out.print(escape(line), soft_wrap=True)

@@ -40,7 +40,7 @@ class KnowsTheBlock(Protocol):
     def next_points(self, marks: Marks) -> Sequence[NextPoint]:
         """Where another control or check point would help most."""
 
-    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf) -> Marks:
+    def automatic(self, marks: Marks, read: ReadGrey, targets_of: TargetsOf, told: Callable[[str], None]) -> Marks:
         """The marks with those that need nobody."""
 
 
@@ -95,9 +95,10 @@ class MarkingSession:
             return []
         return [_proposal(one) for one in self._block.proposals(marks, point, self.crops.grey) if math.isfinite(one.place[0])]
 
-    def mark_automatically(self, targets_of: TargetsOf) -> Marks:
-        """Mark what needs nobody, and keep it; `targets_of`: the targets of a photograph, by its name."""
-        self.ledger.replace(self._block.automatic(self.ledger.marks, self.crops.grey, targets_of))
+    def mark_automatically(self, targets_of: TargetsOf, told: Callable[[str], None]) -> Marks:
+        """Mark what needs nobody, and keep it; `targets_of`: the targets of a photograph, by its name; `told` is called with what
+        is done next."""
+        self.ledger.replace(self._block.automatic(self.ledger.marks, self.crops.grey, targets_of, told))
         return self.ledger.marks
 
     def next_points(self) -> list[str]:

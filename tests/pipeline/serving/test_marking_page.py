@@ -181,7 +181,28 @@ def test_a_point_by_keyboard_undone_and_moved(tmp_path, browser):
         assert photo not in marked(session)
         page.set_viewport_size({"width": 390, "height": 800})
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "a telephone needs no sideways scrolling"
+        names = page.evaluate("[...document.querySelectorAll('#sights b')].map(one => [one.scrollWidth, one.clientWidth])")
+        assert names and all(needed <= there for needed, there in names), "names of photographs are readable there"
         assert not errors
+
+
+def test_a_mark_that_is_confirmed_stays_as_it_is(tmp_path, browser):
+    with page_of(tmp_path) as (address, session):
+        page, errors = opened(browser, address)
+        page.evaluate("mark(cursor)")
+        settled(page)
+        revision = session.ledger.revision
+        page.evaluate("mark(cursor)")
+        settled(page)
+        assert session.ledger.revision == revision and len(marked(session)) == 1 and not errors
+
+
+def test_what_is_refused_is_shown_no_longer(tmp_path, browser):
+    with page_of(tmp_path) as (address, _):
+        page, _ = opened(browser, address)
+        page.evaluate("make({kind: 'point', before: fields(named('P1')), after: {...fields(named('P1')), sigma: [-1, -1, -1]}})")
+        page.wait_for_function("!sending && named('P1').sigma[0] > 0", timeout=30_000)
+        assert page.evaluate("done.length") == 0, "there is nothing to undo"
 
 
 def test_a_wrong_mark_is_named_on_the_page(tmp_path, browser):
