@@ -18,10 +18,10 @@ from pydantic import BaseModel
 from orthomill.pipeline.records.lock import is_running, only_run
 from orthomill.pipeline.serving.outputs.delivery_archive import write_delivery
 from orthomill.pipeline.serving.queue.object_places import task_rules
+from orthomill.pipeline.serving.queue.run_output import RunOutput
 from orthomill.pipeline.serving.queue.safe_archives import ArchiveLimits, unpacked
 from orthomill.pipeline.serving.queue.task_folder import PROJECT, TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskEnd, TaskState
-from orthomill.pipeline.serving.queue.told_run import ToldRun
 from orthomill.pipeline.serving.queue.upload_names import is_archive, is_image
 from orthomill.pipeline.serving.queue.wishes import Wishes, write_wished_workflow
 from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs
@@ -94,15 +94,15 @@ def _done(folder: TaskFolder, order: TaskOrder) -> TaskEnd:
         _command(order, folder, ["init", PROJECT, "--photos", folder.images.name, *(["--crs", str(crs)] if crs else [])])
         workflow.rename(start)
     folder.say(*write_wished_workflow(start, workflow, wishes))
-    told = ToldRun(folder.progress())
-    _command(order, folder, _run_words(order, wishes, begun=told.progress.share > 0), told)
+    output = RunOutput(folder.progress())
+    _command(order, folder, _run_words(order, wishes, begun=output.progress.share > 0), output)
     folder.say("Files are written for the client.")
     lines = write_delivery(
-        folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), told.verdict, order.paper
+        folder, state, wishes, lambda words: _command(order, folder, words, quiet=True), output.verdict, order.paper
     )
     folder.say(*lines)
-    folder.tell_progress(told.progress.model_copy(update={"share": 1.0, "left_seconds": 0.0, "stage": ""}))
-    return TaskEnd(verdict=told.verdict)
+    folder.tell_progress(output.progress.model_copy(update={"share": 1.0, "left_seconds": 0.0, "stage": ""}))
+    return TaskEnd(verdict=output.verdict)
 
 
 def _unpack(folder: TaskFolder, limits: ArchiveLimits) -> None:
@@ -124,10 +124,10 @@ def _run_words(order: TaskOrder, wishes: Wishes, begun: bool = False) -> list[st
     return ["run", PROJECT, "--json", "--workers", str(processes), "--memory", str(order.memory), *again]
 
 
-def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldRun | None = None, quiet: bool = False) -> None:
-    """Run a command of the engine, and tell what it tells unless `quiet`. Raises WorkflowError with its sentence where it fails."""
-    told = told or ToldRun(folder.progress())
-    before = told.progress
+def _command(order: TaskOrder, folder: TaskFolder, words: list[str], output: RunOutput | None = None, quiet: bool = False) -> None:
+    """Run a command of the engine, and say what it says unless `quiet`. Raises WorkflowError with its sentence where it fails."""
+    output = output or RunOutput(folder.progress())
+    before = output.progress
     with subprocess.Popen(
         [*order.engine, *words],
         cwd=folder.path,
@@ -140,17 +140,17 @@ def _command(order: TaskOrder, folder: TaskFolder, words: list[str], told: ToldR
     ) as child:
         assert child.stdout is not None
         for line in child.stdout:
-            if (lines := told.take(line)) and not quiet:
+            if (lines := output.take(line)) and not quiet:
                 folder.say(*lines)
-            if told.progress != before:
-                before = told.progress
+            if output.progress != before:
+                before = output.progress
                 folder.tell_progress(before)
-    if told.traced:
-        sys.stderr.write("\n".join(told.traced) + "\n")
+    if output.traced:
+        sys.stderr.write("\n".join(output.traced) + "\n")
     if child.returncode == STOPPED or child.returncode < 0:
         raise _Stopped
     if child.returncode:
-        raise WorkflowError(told.error or f"orthomill {words[0]} ended with code {child.returncode}; the output says more.")
+        raise WorkflowError(output.error or f"orthomill {words[0]} ended with code {child.returncode}; the output says more.")
 
 
 def _end_orphan(folder: TaskFolder) -> None:

@@ -1,4 +1,4 @@
-"""What `orthomill run --json` tells, as lines for people and as progress: stages and findings, not a line for every job."""
+"""The output of `orthomill run --json`, as lines for people and as progress: stages and findings, not a line for every job."""
 
 import json
 import re
@@ -17,7 +17,7 @@ _UNCOLOURED = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
 @dataclass
-class ToldRun:
+class RunOutput:
     """Takes the lines of a run one by one."""
 
     progress: TaskProgress = field(default_factory=TaskProgress)
@@ -37,16 +37,16 @@ class ToldRun:
         text = _UNCOLOURED.sub("", line).rstrip()
         if self._traced(text):
             return []
-        told = _object(text)
-        if told is None:
+        record = _object(text)
+        if record is None:
             if text.startswith("error:"):
                 self.error = text.removeprefix("error:").strip()
             return [text] if text and not _OF_THIS_MACHINE.search(text) and _FOR_THE_TERMINAL not in text else []
-        if told.get("event") == "progress":
-            return self._progress(told)
-        if told.get("event") == "end":
-            return self._end(told)
-        note = str(told.get("text", ""))
+        if record.get("event") == "progress":
+            return self._progress(record)
+        if record.get("event") == "end":
+            return self._end(record)
+        note = str(record.get("text", ""))
         return [note] if note and not _OF_THIS_MACHINE.search(note) else []
 
     def _traced(self, text: str) -> bool:
@@ -61,24 +61,24 @@ class ToldRun:
             self.error = f"This is a defect of orthomill ({text[:200]}); whoever runs the node finds more in process.log."
         return True
 
-    def _progress(self, told: dict[str, Any]) -> list[str]:
-        share, left = told.get("share"), told.get("left_seconds")
+    def _progress(self, record: dict[str, Any]) -> list[str]:
+        share, left = record.get("share"), record.get("left_seconds")
         known = self._grown(float(share)) if isinstance(share, int | float) else self.progress.share
         seconds = left if isinstance(left, int | float) else None
         stage, counts = self.progress.stage, ""
-        for kind, count in told.get("stages", {}).items():
+        for kind, count in record.get("stages", {}).items():
             ended = sum(count.get(name, 0) for name in ("skipped", "done", "failed", "blocked"))
             if ended < (planned := count.get("planned", 0)):
                 stage, counts = kind, f"; {kind}: {ended} of {planned} jobs"
                 break
-        told_now = {"share": min(known, 1.0), "left_seconds": seconds, "stage": stage}
-        self.progress = self.progress.model_copy(update=told_now)
+        shown_now = {"share": min(known, 1.0), "left_seconds": seconds, "stage": stage}
+        self.progress = self.progress.model_copy(update=shown_now)
         step = int(_STEPS * known)
         if step <= self._step:
             return []
         self._step = step
         remaining = f", about {seconds / 60:.0f} min left" if seconds is not None and seconds >= 90 else ""
-        return [f"[{told.get('seconds', 0):.0f} s] {100 * min(known, 0.99):.0f} % of the work{remaining}{counts}"]
+        return [f"[{record.get('seconds', 0):.0f} s] {100 * min(known, 0.99):.0f} % of the work{remaining}{counts}"]
 
     def _grown(self, share: float) -> float:
         """The share that is shown, which never falls: where a stage turns out larger than was foreseen, what is left to be shown
@@ -87,16 +87,16 @@ class ToldRun:
         shown = self.progress.share
         return shown + (1.0 - shown) * max(self._foreseen - before, 0.0) / max(1.0 - before, 1e-6)
 
-    def _end(self, told: dict[str, Any]) -> list[str]:
-        self.verdict = str(told.get("verdict", ""))
-        failed = told.get("failed", [])
-        if not told.get("complete", True):
+    def _end(self, record: dict[str, Any]) -> list[str]:
+        self.verdict = str(record.get("verdict", ""))
+        failed = record.get("failed", [])
+        if not record.get("complete", True):
             self.error = f"{failed[0]['tile']}: {failed[0]['sentence']}" if failed else self.verdict
-        warnings = [f"{one.get('stage')}: {one.get('sentence')}" for one in told.get("warnings", [])]
-        self.products = tuple(str(one.get("path")) for one in told.get("products", []))
+        warnings = [f"{one.get('stage')}: {one.get('sentence')}" for one in record.get("warnings", [])]
+        self.products = tuple(str(one.get("path")) for one in record.get("products", []))
         return [
             f"Verdict: {self.verdict}",
-            *(f"  {reason}" for reason in told.get("reasons", [])),
+            *(f"  {reason}" for reason in record.get("reasons", [])),
             *warnings,
             *(f"failed {one.get('tile')}: {one.get('sentence')}" for one in failed),
         ]

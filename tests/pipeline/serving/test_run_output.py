@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orthomill.pipeline.serving.queue.told_run import ToldRun
+from orthomill.pipeline.serving.queue.run_output import RunOutput
 
 
-def told(run: ToldRun, *lines: str | dict) -> list[str]:
+def told(run: RunOutput, *lines: str | dict) -> list[str]:
     return [said for line in lines for said in run.take(line if isinstance(line, str) else json.dumps(line))]
 
 
@@ -19,7 +19,7 @@ def progress(share: float | None, done: int, planned: int = 100, left: float | N
 
 
 def test_progress_is_told_in_steps_and_as_it_is():
-    run = ToldRun()
+    run = RunOutput()
     lines = told(
         run,
         progress(None, 0),
@@ -40,7 +40,7 @@ def test_progress_is_told_in_steps_and_as_it_is():
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=30))
 def test_a_share_that_was_shown_never_falls_and_the_end_is_reached(shares):
-    run = ToldRun()
+    run = RunOutput()
     shown = []
     for share in [*shares, 1.0]:
         run.take(json.dumps(progress(share, 1)))
@@ -51,7 +51,7 @@ def test_a_share_that_was_shown_never_falls_and_the_end_is_reached(shares):
 
 
 def test_addresses_and_advice_for_the_terminal_are_for_nobody_elsewhere():
-    run = ToldRun()
+    run = RunOutput()
     note = {"event": "note", "text": "dashboard: http://127.0.0.1:8787/secret/status"}
     init = "/srv/tasks/x/workflows/task.yaml is written; read it, then: orthomill run task"
     assert told(run, note, "map: http://localhost:1/x", init, "", "{not json") == ["{not json"]
@@ -61,13 +61,13 @@ def test_the_end_has_verdict_reasons_and_warnings():
     end = {"event": "end", "complete": False, "verdict": "Partial.", "reasons": ["Two tiles failed."]}
     end |= {"warnings": [{"stage": "texture", "cost": "doubt", "sentence": "dark"}]}
     end |= {"failed": [{"tile": "texture/a/0/0", "sentence": "no light"}], "products": []}
-    run = ToldRun()
+    run = RunOutput()
     assert told(run, end) == ["Verdict: Partial.", "  Two tiles failed.", "texture: dark", "failed texture/a/0/0: no light"]
     assert run.error == "texture/a/0/0: no light" and run.verdict == "Partial."
 
 
 def test_a_traceback_is_for_whoever_runs_the_node():
-    run = ToldRun()
+    run = RunOutput()
     lines = ["Traceback (most recent call last):", '  File "x.py", line 1, in <module>', "    f()", "KeyError: 'x'", "error: later"]
     assert told(run, "\x1b[31merror:\x1b[0m photo.jpg is broken", *lines[:4]) == ["error: photo.jpg is broken"]
     assert run.error.startswith("This is a defect of orthomill (KeyError: 'x')") and len(run.traced) == 4
