@@ -1,5 +1,6 @@
 """A circumstance: photographs that are altered in one way, and what has to be said of it, or what has to come out."""
 
+import html
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,18 +35,19 @@ class Circumstance:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a circumstance ended: exit codes (None: not run), whether the sentences were said, what was said first, and whether the
-    block is right (None: nothing to compare)."""
+    """How a circumstance ended: exit codes (None: not run), whether the sentences were said, what was said first, whether the cause
+    is among the warnings, and whether the block is right (None: nothing to compare)."""
 
     case: Circumstance
     codes: tuple[int, int | None]
     said: bool
     first: str
+    warned: bool
     right: bool | None
 
     @property
     def verdict(self) -> str:
-        """right, named first, refused, named in `init`, or silent."""
+        """right, named first, refused, named, wrong, named in `init`, or silent."""
         named = bool(self.case.first) and self.case.first in self.first
         if self.right:
             return "right, and named first" if named else "right" if not self.case.first else "right, but not named first"
@@ -53,6 +55,10 @@ class Outcome:
             return "refused"
         if named:
             return "named first"
+        if self.warned:
+            return "named"
+        if self.right is False:
+            return "**wrong**"
         return "named by `init`" if self.case.says and self.said else "**silent**"
 
 
@@ -62,10 +68,12 @@ def ended(case: Circumstance, flown: Flown, root: Path) -> Outcome:
     started = orthomill(root, "init", "site", "--photos", "photos", *case.options)
     said = case.says is None or case.says in " ".join(started.output.split())
     if started.code or not (case.first or case.right):
-        return Outcome(case, (started.code, None), said, _sentence(started), None)
+        return Outcome(case, (started.code, None), said, _sentence(started), False, None)
     done = orthomill(root, "run", "site", "--until", "orientation", "--sequential")
-    right = _right(case, flown, root / "runs" / "site") if case.right and not done.code else None
-    return Outcome(case, (0, done.code), said, _sentence(done), right)
+    run = root / "runs" / "site"
+    right = _right(case, flown, run) if case.right and not done.code else None
+    warned = bool(case.first) and not done.code and case.first in html.unescape((run / "report.html").read_text())
+    return Outcome(case, (0, done.code), said, _sentence(done), warned, right)
 
 
 def _sentence(done: MeasuredRun) -> str:

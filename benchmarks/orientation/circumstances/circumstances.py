@@ -43,7 +43,9 @@ def page(rows: list[Outcome]) -> str:
             f"{len(rows)} inputs: " + ", ".join(f"{number} {verdict}" for verdict, number in count.most_common()) + ".",
             "",
             "Copies of brighton of 400 x 225 px, each altered in one way, through `init` and, where the photographs have "
-            "to show it, `run --until orientation`, all defaults. *Named first*: the first doubt on the terminal names the cause.",
+            "to show it, `run --until orientation`, all defaults. *Named first*: the first doubt on the terminal names the cause; "
+            "*named*: a warning of the report does; *refused*: a sentence ends the command. Control is points of the unaltered "
+            "block; *right* is then a block that rests on it and lies within 1 m of the unaltered one.",
             "",
             "| kind | what is altered | exit codes | outcome | the first doubt, or the error |",
             "| --- | --- | --- | --- | --- |",

@@ -69,7 +69,7 @@ def _errors() -> Iterator[Circumstance]:
     yield _kept("control: errors", "northing before easting", "gcp_list.txt", turned)
     yield named("another zone", lambda survey: _text(survey).replace(survey.block.crs.encode(), b"EPSG:32616"), "control")
     yield named("all heights 0", partial(_text, change=partial(_moved, factor=0.0)), "height")
-    yield named("from a web map, good to 0.7 m", partial(_text, change=_roughly), "control")
+    yield named("from a web map, good to 0.7 m", partial(_text, change=_roughly), "The ground control is worse than stated")
 
 
 def _text(survey: Survey, crs: str = "", change: Change = unchanged, line: str = LIST) -> bytes:

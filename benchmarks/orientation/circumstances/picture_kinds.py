@@ -11,8 +11,8 @@ from benchmarks.orientation.circumstances.altered_photographs import Altered, Fl
 from benchmarks.orientation.circumstances.circumstance import Circumstance
 from orthomill.schemas.orientation import Block
 
-NUMBERS = range(6, 12)
-STRUCK = 8
+NUMBERS = range(2, 10)
+STRUCK = 5
 """Number of the photograph that is altered"""
 PART = 3000
 """bytes of a scan that are written over"""
@@ -47,21 +47,21 @@ def _sound() -> Iterator[Circumstance]:
 def _others() -> Iterator[Circumstance]:
     tags = {"GPano:ProjectionType": "equirectangular", "GPano:FullPanoWidthPixels": "400"}
     panorama = Altered(NUMBERS, packet=lambda number: tags if number == STRUCK else {})
-    yield Circumstance("other pictures", "a panorama among photographs", panorama, "a panorama", "", _oriented(5))
+    yield Circumstance("other pictures", "a panorama among photographs", panorama, "a panorama", "", _oriented(len(NUMBERS) - 1))
     yield Circumstance(
         "other pictures",
         "PNG with a transparent border",
         Altered(NUMBERS, suffix=".png", picture=_bordered),
         "alpha",
         "",
-        _oriented(6),
+        _oriented(len(NUMBERS)),
     )
     deep = Altered(
         NUMBERS, suffix=".tif", picture=lambda image: Image.fromarray(np.asarray(image.convert("L")).astype(np.uint16) * 16)
     )
-    yield Circumstance("other pictures", "TIFF of 12 bits in 16", deep, None, "", _oriented(6))
+    yield Circumstance("other pictures", "TIFF of 12 bits in 16", deep, None, "", _oriented(len(NUMBERS)))
     bands = Altered(NUMBERS, beside=_bands)
-    yield Circumstance("other pictures", "single bands beside colour photographs", bands, None, "", _oriented(6))
+    yield Circumstance("other pictures", "single bands beside colour photographs", bands, None, "", _oriented(len(NUMBERS)))
 
 
 def _systems() -> Iterator[Circumstance]:
@@ -102,7 +102,7 @@ def _saved(data: bytes, mode: str = "RGB", **options: object) -> bytes:
 
 def _bordered(image: Image.Image) -> Image.Image:
     alpha = np.zeros(image.size[::-1], np.uint8)
-    alpha[10:-10, 10:-10] = 255
+    alpha[4:-4, 4:-4] = 255
     image = image.convert("RGB")
     image.putalpha(Image.fromarray(alpha))
     return image
