@@ -69,6 +69,11 @@ SPOKEN = [
     (f.LooksUpward(), ["upwards from below", "X and Y"]),
     (f.AxesExchanged(exchanged_m=0.021, given_m=321.0), ["to 0.02 m", "only to 321.00 m", "Exchange X and Y in the file"]),
     (
+        f.PointsExchanged(first="P1", second="P7", exchanged_m=0.041, given_m=12.4),
+        ["points P1 and P7 seem to be exchanged", "to 0.04 m, as given to 12.40 m", "Neither was used"],
+    ),
+    (f.PointsExchanged(first="P1", second="P7", exchanged_m=0.041, given_m=None), ["as given it shows the ground from below"]),
+    (
         f.DistortionFolds(camera="cam", reach_px=912.3, corner_px=1180.2, k1=-0.3, c=1165.0),
         ["camera cam", "912 px", "1180 px away", "k1 = -0.3, c = 1165 px", "another camera"],
     ),
