@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
+from orthomill.tasks.imagery.bicubic import bilinear_at
 
 STEPS = 12
 STOP = 1e-3
@@ -84,14 +85,9 @@ def _soft_disc(half, radius):
 def _interpolated(grey, col, row, patch):
     """The square `patch` about a place, linear between pixels."""
     reach = patch.shape[0] // 2
-    left, top = int(np.floor(col)), int(np.floor(row))
-    a, b = col - left, row - top
     for i in range(patch.shape[0]):
         for j in range(patch.shape[1]):
-            r, c = top - reach + i, left - reach + j
-            above = (1.0 - a) * grey[r, c] + a * grey[r, c + 1]
-            below = (1.0 - a) * grey[r + 1, c] + a * grey[r + 1, c + 1]
-            patch[i, j] = (1.0 - b) * above + b * below
+            patch[i, j] = bilinear_at(grey, row + (i - reach), col + (j - reach))
 
 
 @njit(error_model="numpy")
