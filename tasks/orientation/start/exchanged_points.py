@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from orthomill.tasks.adjustment.model.network import State
-from orthomill.tasks.orientation.start.georeference import BENDS, UPWARD, Known, mean_up
-from orthomill.tasks.orientation.start.similarity import VerticalityConstraint, fit_similarity
+from orthomill.tasks.orientation.start.georeference import BENDS, UPWARD, Known, mean_up, rms
+from orthomill.tasks.orientation.start.similarity import Similarity, VerticalityConstraint, fit_similarity
 
 FEWEST = 4
 """Points: three fit a model in any order, nearly"""
@@ -77,16 +77,17 @@ class _Control:
     def misfit(self, ground: np.ndarray) -> float:
         """Root mean square distance (m) of the points in the model from `ground` (n, 3) m; inf where the photographs would look
         up."""
-        fit = fit_similarity(self.model, ground, self.sigma, VerticalityConstraint(self.up, 0.0))
-        if (fit.rotation @ self.up)[2] < -UPWARD:
-            return np.inf
-        return float(np.sqrt(((fit.apply(self.model) - ground) ** 2).sum(axis=1).mean()))
+        fit = self._fit(ground)
+        return np.inf if (fit.rotation @ self.up)[2] < -UPWARD else rms(fit, self.model, ground)
 
     def pairs(self) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
         """Pairs of points, and the ground with them exchanged."""
-        fit = fit_similarity(self.model, self.ground, self.sigma, VerticalityConstraint(self.up, 0.0))
-        worst = np.argsort(-np.linalg.norm(fit.apply(self.model) - self.ground, axis=1), kind="stable")[:MOST]
+        missed = self._fit(self.ground).apply(self.model) - self.ground
+        worst = np.argsort(-np.linalg.norm(missed, axis=1), kind="stable")[:MOST]
         for first, second in combinations(sorted(worst.tolist()), 2):
             ground = self.ground.copy()
             ground[[first, second]] = ground[[second, first]]
             yield (first, second), ground
+
+    def _fit(self, ground: np.ndarray) -> Similarity:
+        return fit_similarity(self.model, ground, self.sigma, VerticalityConstraint(self.up, 0.0))

@@ -289,13 +289,13 @@ def _looks_up(model: State, points: _CommonPoints, fit: _DatumFit) -> AxesExchan
     source, target = points.model[fit.near], points.local[fit.near]
     exchanged = target[:, [1, 0, 2]]
     other = fit_similarity(source, exchanged, fit.sigma, VerticalityConstraint(mean_up(model), 0.0))
-    own, better = _rms(fit.similarity, source, target), _rms(other, source, exchanged)
+    own, better = rms(fit.similarity, source, target), rms(other, source, exchanged)
     if (other.rotation @ mean_up(model))[2] > UPWARD and 2.0 * better < own:
         return AxesExchanged(exchanged_m=better, given_m=own)
     return LooksUpward()
 
 
-def _rms(similarity: Similarity, source: np.ndarray, target: np.ndarray) -> float:
+def rms(similarity: Similarity, source: np.ndarray, target: np.ndarray) -> float:
     """Root mean square length of the residuals, m."""
     return float(np.sqrt(((similarity.apply(source) - target) ** 2).sum(axis=1).mean()))
 
