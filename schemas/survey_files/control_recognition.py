@@ -50,27 +50,28 @@ def control_in(text: str, names: PhotographNames) -> FoundControl | None:
     # Below a line that is no system, what looks like such a list may be a table whose columns have names.
     if found and found.system and known_crs(found.system) is not None:
         return found
-    table = _table_in(text, names)
+    # The semicolon is no comment there.
+    plain = lines_of(text)
+    table = _table_in(plain, names)
     if found and not (table and table.holds == "all"):
         return found
-    return table or _headless_control([line for _, line in lines_of(text).others], names)
+    return table or _headless_control([line for _, line in plain.others], names)
 
 
-def _table_in(text: str, names: PhotographNames) -> FoundControl | None:
+def _table_in(lines: Lines, names: PhotographNames) -> FoundControl | None:
     """What a table with named columns holds."""
-    for head in possible_heads(lines_of(text)):
+    for head in possible_heads(lines):
         sign, has = head.separation, [column.meaning for column in head.columns]
         if "name" not in has or len(has) < 3:
             continue
         rows = [row for _, line in head.data if len(row := sign.cells(line)) > has.index("name")]
         own = frozenset(row[has.index("name")] for row in rows)
-        placed = {"x", "y"} <= set(has) or {"lon", "lat"} <= set(has)
-        if {"photo", "col", "row"} <= set(has):
+        if head.has_marks:
             seen = [row[has.index("photo")] for row in rows if len(row) > has.index("photo")]
-            what = ("table of points and measurements", "all") if placed else ("control measurements", "marks")
-            return FoundControl(*what, own, stated_in(lines_of(text)) if placed else None, count_named(seen, names))
-        if "photo" not in has and placed and not any(names.find(one) or is_image_word(one) for one in own):
-            return FoundControl("control points", "points", own, stated_in(lines_of(text)))
+            what = ("table of points and measurements", "all") if head.has_places else ("control measurements", "marks")
+            return FoundControl(*what, own, stated_in(lines) if head.has_places else None, count_named(seen, names))
+        if "photo" not in has and head.has_places and not any(names.find(one) or is_image_word(one) for one in own):
+            return FoundControl("control points", "points", own, stated_in(lines))
     return None
 
 

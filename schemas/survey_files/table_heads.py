@@ -28,6 +28,16 @@ class TableHead:
         """What the columns mean."""
         return frozenset(column.meaning for column in self.columns) - {""}
 
+    @property
+    def has_places(self) -> bool:
+        """Whether its lines hold places in plan."""
+        return {"x", "y"} <= self.meanings or {"lon", "lat"} <= self.meanings
+
+    @property
+    def has_marks(self) -> bool:
+        """Whether its lines hold places in photographs."""
+        return {"photo", "col", "row"} <= self.meanings
+
 
 def possible_heads(lines: Lines) -> Iterator[TableHead]:
     """Lines that may name columns, the likeliest first."""

@@ -2,18 +2,17 @@
 out of a spreadsheet."""
 
 from orthomill.schemas.survey_files.sniffed_table import lines_of
-from orthomill.tasks.orientation.control.control_rows import Row, Rows, StatedControl, table_head
+from orthomill.schemas.survey_files.table_heads import possible_heads
+from orthomill.tasks.orientation.control.control_rows import Row, Rows, StatedControl
 from orthomill.tasks.orientation.control.mark_rows import mark_rows
 from orthomill.tasks.orientation.control.point_rows import point_rows
 
-_OF_MARKS = {"name", "photo", "col", "row"}
 _PLACE = ("x", "y", "z")
 
 
 def is_marked_table(text: str) -> bool:
     """Whether a text is such a table."""
-    head = table_head(lines_of(text), _OF_MARKS, ({"x", "y"}, {"lon", "lat"}))
-    return head is not None and head.meanings >= _OF_MARKS
+    return any("name" in head.meanings and head.has_marks and head.has_places for head in possible_heads(lines_of(text)))
 
 
 def marked_rows(text: str, stated: StatedControl, mistakes: list[str]) -> tuple[Rows, Rows]:
