@@ -53,6 +53,7 @@ FIELDS = [
 
 
 def form(*parts: tuple[str, str | None, bytes], end: bytes = b"--") -> bytes:
+    """The body of a form: name, name of the file (None: a field), content of every part; `end` closes it, b"" does not."""
     text = b""
     for name, filename, content in parts:
         file = f'; filename="{filename}"' if filename is not None else ""
@@ -61,6 +62,7 @@ def form(*parts: tuple[str, str | None, bytes], end: bytes = b"--") -> bytes:
 
 
 def random_request(chance: random.Random, uuids: list[str]) -> tuple[str, str, bytes | None, dict[str, str]]:
+    """Method, path with the token, body and headers of a request, which may name one of the tasks `uuids`."""
     path = chance.choice(ROUTES).replace("{u}", chance.choice([*uuids, UUID, "x", UUID.upper()]))
     while "{n}" in path:
         path = path.replace("{n}", chance.choice(NAMES), 1)

@@ -34,7 +34,7 @@ def _units() -> Iterator[Circumstance]:
     in_feet = partial(_moved, factor=FEET)
     kept, named = partial(_kept, "control: units"), partial(_named, "control: units")
     yield kept("plan and heights in US survey feet", "gcp_list.txt", partial(_text, crs=PLAN_IN_FEET, change=in_feet))
-    yield named("heights in feet, plan in metres", partial(_text, change=in_feet), "feet")
+    yield named("heights in feet, plan in metres", partial(_text, change=in_feet), "seem to be in feet")
     yield named(
         "heights 28 m higher, by another system", partial(_text, change=partial(_moved, by=28.0)), "as heights in two systems do"
     )
@@ -67,8 +67,10 @@ def _errors() -> Iterator[Circumstance]:
     yield named("two points exchanged", _exchanged, "gcp1 and gcp2 seem to be exchanged")
     turned = partial(_text, change=lambda mark: {"x": mark.y, "y": mark.x})
     yield _kept("control: errors", "northing before easting", "gcp_list.txt", turned)
-    yield named("another zone", lambda survey: _text(survey).replace(survey.block.crs.encode(), b"EPSG:32616"), "control")
-    yield named("all heights 0", partial(_text, change=partial(_moved, factor=0.0)), "height")
+    yield named(
+        "another zone", lambda survey: _text(survey).replace(survey.block.crs.encode(), b"EPSG:32616"), "they would be there in"
+    )
+    yield named("all heights 0", partial(_text, change=partial(_moved, factor=0.0)), "have the height 0")
     yield named("from a web map, good to 0.7 m", partial(_text, change=_roughly), "The ground control is worse than stated")
 
 
