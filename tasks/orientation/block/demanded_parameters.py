@@ -66,7 +66,9 @@ def held_by_rule(interior: Interior, nominal: np.ndarray, named: np.ndarray) -> 
 def demanding(result: Adjustment, held: np.ndarray) -> np.ndarray:
     """(C,) bool: cameras whose `held` (C, 17) parameters the block wants elsewhere by far."""
     network, cameras = result.network, np.zeros(len(held), bool)
-    held = held & np.isin(np.arange(len(held)), network.camera_of[result.rays.photo[result.used]])[:, None]
+    # A camera that had to be kept as it is, as the block determines none, asks for nothing.
+    asked = np.isin(np.arange(len(held)), network.camera_of[result.rays.photo[result.used]]) & network.interior.free.any(axis=1)
+    held = held & asked[:, None]
     if not held.any():
         return cameras
     free = replace(network, interior=_without_prior(_with_unknown(network.interior, held), held))

@@ -31,6 +31,7 @@ from orthomill.schemas.findings.observation_findings import (
 )
 from orthomill.tasks.orientation.examined.block_facts import Facts, told_findings
 from orthomill.tasks.orientation.report.several_findings import finding_sentences
+from orthomill.tasks.orientation.report.worse_than_stated import CONTRADICTED, worse_than_stated
 
 GRAVE = (
     NoDatum,
@@ -68,6 +69,8 @@ def block_doubts(facts: Facts) -> Iterator[str]:
     told = told_findings(facts.control, facts.precision)
     graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_minor(finding)]
     found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))
+    # What explains that they do not fit has been told by then.
+    found += [worse.sentence for worse in worse_than_stated(facts) if worse.factor >= CONTRADICTED]
     yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
 
 

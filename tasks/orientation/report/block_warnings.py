@@ -4,22 +4,21 @@ from collections.abc import Iterator
 
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.findings.camera_findings import ConstantNominal, ImageErrorsCorrelated, InteriorUndetermined
-from orthomill.schemas.findings.contradiction_findings import UnitContradicted
 from orthomill.schemas.findings.datum_findings import ControlOnALine
 from orthomill.schemas.findings.foreign_findings import TiePointsMisfit
 from orthomill.schemas.findings.observation_findings import MeasurementsRejected
 from orthomill.schemas.observations import ControlPoint
-from orthomill.schemas.orientation import BlockPrecision, GroundResidual
+from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
-from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts, filled_areas, heights_missing, told_findings
+from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts, filled_areas, told_findings
 from orthomill.tasks.orientation.examined.block_numbers import framed_control
 from orthomill.tasks.orientation.examined.photographed_surface import coverage
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.report.camera_warnings import camera_warnings
 from orthomill.tasks.orientation.report.photographs_left_out import left_out_sentences
 from orthomill.tasks.orientation.report.several_findings import finding_sentences
-from orthomill.tasks.orientation.report.worse_control import worse_control, worse_marks
+from orthomill.tasks.orientation.report.worse_than_stated import worse_marks, worse_than_stated
 
 ONE_SIDED = 0.2
 """Share of the block's frame that the frame of the control must cover"""
@@ -169,13 +168,7 @@ def _overlap_warnings(facts: Facts) -> Iterator[str]:
 
 def _factor_warnings(facts: Facts) -> Iterator[str]:
     precision = facts.precision
-    # Standard errors that a wrong unit has enlarged say nothing of positions or control.
-    unit = any(isinstance(finding, UnitContradicted) for finding in precision.findings)
-    if precision.position_factor > 1.0 and not unit:
-        yield from _worse_positions(precision)
-    # Control without heights is worse than anything that was stated of it, and is told as such.
-    if precision.control_factor > 1.0 and not unit and not heights_missing(facts.control):
-        yield worse_control(facts.control, precision.control_factor)
+    yield from (worse.sentence for worse in worse_than_stated(facts))
     # Below 1 the measurements are better than stated, which needs no warning.
     pointing = next((group.factor for group in precision.groups if group.name == ObservationKind.POINTINGS), 1.0)
     if pointing > 1.0:
@@ -185,20 +178,6 @@ def _factor_warnings(facts: Facts) -> Iterator[str]:
     share = precision.rejected / max(precision.rejected + precision.rays, 1)
     if share > MANY:
         yield f"{100 * share:.0f} % of the image measurements were rejected; the tie points contain many wrong matches."
-
-
-def _worse_positions(precision: BlockPrecision) -> Iterator[str]:
-    parts = [group for group in precision.groups if group.name == ObservationKind.POSITIONS and group.part]
-    worse, advice = [group for group in parts if group.factor > 1.0], "State their true precision, or look for single wrong ones."
-    if len(worse) == len(parts):
-        factor = precision.position_factor
-        yield f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times. {advice}"
-        return
-    listed = some_of([f"{group.part} ({group.factor:.1f} times)" for group in worse])
-    yield (
-        f"Some groups of GNSS positions are worse than stated, and their standard errors were enlarged: {listed}. Those of the "
-        f"others hold. {advice}"
-    )
 
 
 def _written_warnings(facts: Facts) -> Iterator[str]:

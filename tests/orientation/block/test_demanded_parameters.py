@@ -1,14 +1,20 @@
 """A nominal camera whose principal point and k3 are far off: its block demands them and does not bend; a sound one is left so."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from orienting import orient
 from simulated_block import block_of, view
+from small_network import more_control, small_network
 
-from orthomill.schemas.camera import BrownLens, Camera
+from orthomill.schemas.camera import INTERIOR, BrownLens, Camera
 from orthomill.schemas.findings.camera_findings import InteriorDemanded
 from orthomill.schemas.findings.datum_findings import BlockBent
+from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.model.interior_settings import FixedInterior, WeightedInterior
+from orthomill.tasks.orientation.block.demanded_parameters import demanding
+from orthomill.tasks.orientation.block.self_calibration import all_fixed
 
 NOMINAL = Camera(name="cam", width=1600, height=1300, c=1900.0, source="exif")
 TRUE = NOMINAL.model_copy(update={"c": 1955.0, "x0": -13.0, "y0": -14.0, "lens": BrownLens(k1=-0.40, k2=0.30, k3=-0.25)})
@@ -79,3 +85,11 @@ def test_a_sound_camera_is_left_alone():
 @pytest.mark.slow
 def test_an_interior_orientation_that_the_workflow_fixes_is_not_touched():
     assert of_kind(orient(flight(TRUE), interior=FixedInterior(kind="fixed")), InteriorDemanded) == []
+
+
+def test_a_camera_that_had_to_be_kept_as_it_is_demands_nothing():
+    network, state, rays = small_network(3, points=60, noise=1.0, interior_free=(0, 3))
+    found = adjust(more_control(network, 20), state, rays, BlunderTest(limit=4.0))
+    kept, _ = all_fixed(found.network, ("cam",))
+    held = np.isin(INTERIOR, ("x0", "y0", "k3"))[None]
+    assert not demanding(replace(found, network=kept), held).any()

@@ -5,9 +5,18 @@ from types import SimpleNamespace
 import pytest
 
 from orthomill.schemas.findings.camera_findings import ConstantContradicted
-from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted
+from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted, UnitContradicted
 from orthomill.schemas.findings.datum_findings import AxesExchanged, BlockBent, NoDatum
+from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.tasks.orientation.report.block_doubts import GRAVE, block_doubts
+
+NO_CONTROL = Control()
+
+
+def facts_of(*findings, control=NO_CONTROL, **factors):
+    """A block of which the adjustment found so much, and enlarged standard errors by `factors`."""
+    precision = {"findings": findings, "position_factor": 1.0, "control_factor": 1.0, "groups": ()} | factors
+    return SimpleNamespace(control=control, precision=SimpleNamespace(**precision))
 
 
 def test_every_grave_finding_has_a_sentence():
@@ -17,7 +26,7 @@ def test_every_grave_finding_has_a_sentence():
 def test_the_gravest_comes_first_and_a_block_without_findings_has_no_doubts():
     exchanged, nothing = AxesExchanged.model_construct(), NoDatum.model_construct()
     assert GRAVE.index(type(nothing)) < GRAVE.index(type(exchanged))
-    facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=()))
+    facts = facts_of()
     assert list(block_doubts(facts)) == []
 
 
@@ -28,7 +37,7 @@ def test_a_guessed_constant_that_the_block_found_is_no_doubt():
         (found.model_copy(update={"fixed": True}), 1),
         (found.model_copy(update={"guessed": False}), 1),
     ):
-        facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(finding,)))
+        facts = facts_of(finding)
         assert len(list(block_doubts(facts))) == count
 
 
@@ -39,13 +48,29 @@ def test_a_guessed_constant_that_the_block_found_is_no_doubt():
 def test_an_offset_as_large_as_stated_puts_nothing_in_doubt(change, doubts):
     known = {"photos": ("a", "b"), "against": "others", "offset": (0.2, 1.16, None), "sigma": (0.1, 0.1, None)}
     found = OffsetAdjusted(**(known | {"tilt_deg": 0.1, "moved_m": 0.4, "stated": (3.0, 3.0, 5.0)} | change))
-    facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(found,)))
+    facts = facts_of(found)
     assert len(list(block_doubts(facts))) == doubts
 
 
 def test_a_camera_constant_that_no_tag_tells_comes_before_the_bend_that_is_left():
     zoom = ConstantOfItsOwn(photos=("a", "b"), camera="cam", c_px=702.0, others_px=468.0)
     assert GRAVE.index(ConstantOfItsOwn) < GRAVE.index(OffsetAdjusted) < GRAVE.index(BlockBent)
-    facts = SimpleNamespace(control=SimpleNamespace(findings=()), precision=SimpleNamespace(findings=(zoom,)))
+    facts = facts_of(zoom)
     (told,) = block_doubts(facts)
     assert "1.5 times the camera constant" in told
+
+
+def test_control_that_the_block_contradicts_is_a_doubt_and_scatter_is_none():
+    measured = {"a": (1.0, 1.0, 0.5)}
+    point = ControlPoint(name="1", role="control", xyz=(0.0, 0.0, 0.0), sigma=(0.03, 0.03, 0.03), measurements=measured)
+    control = Control(points=(point,))
+    assert not list(block_doubts(facts_of(control=control, control_factor=2.0)))
+    (told,) = block_doubts(facts_of(control=control, control_factor=23.0))
+    assert "good to 0.69 m, not the 0.03 m stated" in told
+    feet = UnitContradicted(unit="feet", heights_only=True, given_m=300.0, fits_m=0.1)
+    assert not any("worse than stated" in told for told in block_doubts(facts_of(feet, control=control, control_factor=23.0)))
+
+
+def test_positions_that_the_block_contradicts_are_a_doubt():
+    (told,) = block_doubts(facts_of(position_factor=8.2))
+    assert "8.2 times" in told

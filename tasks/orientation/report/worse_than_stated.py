@@ -1,13 +1,43 @@
-"""What is told of control whose coordinates or measurements are worse than stated."""
+"""What is told of positions and control whose coordinates or measurements are worse than stated."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import sqrt
 from statistics import median
 
+from orthomill.schemas.errors import some_of
+from orthomill.schemas.findings.contradiction_findings import UnitContradicted
 from orthomill.schemas.findings.finding import two_digits
 from orthomill.schemas.observations import Control
+from orthomill.schemas.orientation import BlockPrecision
+from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
+from orthomill.tasks.orientation.examined.block_facts import Facts, heights_missing
 
+CONTRADICTED = 3.0
+"""A factor of standard errors from which on what was stated and the block contradict each other: no chance makes it."""
 ELSEWHERE = 100.0
 """A factor of standard errors from which on it says nothing: what was surveyed is not where the block sees it."""
+
+
+@dataclass(frozen=True)
+class Worse:
+    """Coordinates whose standard errors the adjustment enlarged `factor` times, and what is said of it."""
+
+    factor: float
+    sentence: str
+
+
+def worse_than_stated(facts: Facts) -> Iterator[Worse]:
+    """Of the control, and of the positions of photographs."""
+    precision = facts.precision
+    # Standard errors that a wrong unit has enlarged say nothing of positions or control.
+    if any(isinstance(finding, UnitContradicted) for finding in precision.findings):
+        return
+    if precision.position_factor > 1.0:
+        yield Worse(precision.position_factor, _worse_positions(precision))
+    # Control without heights is worse than anything that was stated of it, and is told as such.
+    if precision.control_factor > 1.0 and not heights_missing(facts.control):
+        yield Worse(precision.control_factor, worse_control(facts.control, precision.control_factor))
 
 
 def worse_control(control: Control, factor: float) -> str:
@@ -45,6 +75,19 @@ def worse_marks(control: Control, factor: float) -> str:
         f"The marks of the control points are good to {two_digits(factor * stated)} px, not the {two_digits(stated)} px stated; "
         f"the measurements fit worse than stated, and their standard errors were enlarged {factor:.1f} times. Mark them more "
         "precisely, or state what they are good to."
+    )
+
+
+def _worse_positions(precision: BlockPrecision) -> str:
+    parts = [group for group in precision.groups if group.name == ObservationKind.POSITIONS and group.part]
+    worse, advice = [group for group in parts if group.factor > 1.0], "State their true precision, or look for single wrong ones."
+    if len(worse) == len(parts):
+        factor = precision.position_factor
+        return f"The GNSS positions are worse than stated: their standard errors were enlarged {factor:.1f} times. {advice}"
+    listed = some_of([f"{group.part} ({group.factor:.1f} times)" for group in worse])
+    return (
+        f"Some groups of GNSS positions are worse than stated, and their standard errors were enlarged: {listed}. Those of the "
+        f"others hold. {advice}"
     )
 
 
