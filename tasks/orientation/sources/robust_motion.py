@@ -21,6 +21,8 @@ TAKEN = {Source.PLAN: 3, Source.HEIGHT: 3, Source.CONTROL: 0, Source.ATTITUDE: 0
 """Parameters that a source alone determines and that take their share of its residuals."""
 STATED = (Source.CONTROL, Source.ATTITUDE, Source.MODEL)
 """Sources that are as precise as stated at best"""
+STILL = 1e-3
+"""Pixels on the ground by which linear equations may miss before they are made again"""
 OPEN = 1e-12
 """Weight, in units of the largest, of what nothing is known of: keeps equations solvable where no source sees a parameter."""
 
@@ -46,26 +48,41 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
     to start from."""
     motion = np.zeros(7) if near is None else near.motion
     at = block.moved(motion)
-    has = equations(at, told)
-    scale, least = dict.fromkeys(Source, np.inf), _least(has, block.pixel)
-    # Nothing is known of the causes before the first step.
-    total = np.zeros(_with_causes(at, has, causes).shape[1])
+    has, scale = equations(at, told), dict.fromkeys(Source, np.inf)
+    least, A, reach = _least(has, block.pixel), _with_causes(at, has, causes), _reach(block)
+    # Of the motion, what the block has not made yet. Nothing is known of the causes before the first step.
+    total = np.zeros(A.shape[1])
     for _ in range(STEPS):
-        A = _with_causes(at, has, causes)
-        v = has.y - A @ _rest(total)
+        v = has.y - A @ total
         before, scale = scale, _scales(has, v, scale, least)
         weight = _weights(has, v, scale)
-        total, covariance = _solved(has, A, weight, at_motion=motion)
-        motion = motion + total[MOTION]
-        at = block.moved(motion)
-        has = equations(at, told)
+        total, covariance = _solved(has, A, weight)
+        if _missed(told, total[MOTION], reach) > STILL * block.pixel:
+            motion = motion + total[MOTION]
+            at, total = block.moved(motion), _rest(total)
+            has = equations(at, told)
+            A = _with_causes(at, has, causes)
         if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in Source):
             break
-    A = _with_causes(at, has, causes)
-    v = has.y - A @ _rest(total)
+    motion = motion + total[MOTION]
+    at, total = block.moved(motion), _rest(total)
+    has = equations(at, told)
+    v = has.y - _with_causes(at, has, causes) @ total
     parameters = total.copy()
     parameters[MOTION] = motion
-    return Explained(motion, parameters, covariance, scale, weight, *_misfits(has, v, scale, total), has)
+    return Explained(motion, parameters, covariance, scale, weight, *_misfits(has, v, scale, parameters), has)
+
+
+def _reach(block: RigidBlock) -> float:
+    """m of the longest lever about which the block turns."""
+    return float(np.linalg.norm(block.centre - block.middle, axis=1).max() + np.median(block.depth))
+
+
+def _missed(told: Told, motion: np.ndarray, reach: float) -> float:
+    """m by which equations miss that are linear about where the block was before the `motion` (7,)."""
+    turn = float(np.linalg.norm(motion[3:6]) + abs(motion[6]))
+    # Ground of an elevation model is another one wherever the block goes; all others change by the square of a turn.
+    return float(np.linalg.norm(motion[:3])) + reach * turn if told.model else reach * turn**2
 
 
 def _rest(total: np.ndarray) -> np.ndarray:
@@ -108,7 +125,7 @@ def _weights(has: Equations, v: np.ndarray, scale: dict[Source, float]) -> np.nd
     return (FREEDOM + 1.0) / (FREEDOM + (v / sigma) ** 2) / sigma**2
 
 
-def _solved(has: Equations, A: np.ndarray, weight: np.ndarray, at_motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _solved(has: Equations, A: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The parameters (u,) by weighted least squares, and their covariance."""
     extra = A.shape[1] - len(has.expected)
     expected = np.append(has.expected, np.zeros(extra))
