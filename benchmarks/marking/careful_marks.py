@@ -66,7 +66,7 @@ def symmetry_near(grey: np.ndarray, col: float, row: float) -> str:
     if centre is None:
         return "not found |"
     away = centre.place - (col, row)
-    return f"not found (symmetry {away[0]:+.2f}, {away[1]:+.2f}; asymmetry {centre.asymmetry:.2f}) | {centre.sigma:.2f}"
+    return f"not found (symmetry {away[0]:+.2f}, {away[1]:+.2f}; asymmetry {centre.unexplained:.2f}) | {centre.sigma:.2f}"
 
 
 def main(words: list[str]) -> None:

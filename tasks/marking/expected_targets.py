@@ -50,14 +50,14 @@ def target_proposals(
     return tuple(out)
 
 
-def local_targets(read: ReadGrey, sight: ExpectedSight) -> tuple[FoundTarget, ...]:
-    """The targets about an expected place; `read`: grey values of a window of a photograph."""
+def local_targets(read: ReadGrey, sight: ExpectedSight, c: float) -> tuple[FoundTarget, ...]:
+    """The targets about an expected place; `read`: grey values of a window of a photograph of the camera constant c px."""
     reach = search_radius(sight.covariance) + ROOM
     first = np.round(np.array(sight.place)).astype(int) - reach
     grey = read(sight.photo, Window(row=int(first[1]), col=int(first[0]), height=2 * reach + 1, width=2 * reach + 1))
     if not np.isfinite(grey).any():
         return ()
-    found = photo_targets(stretched(grey))
+    found = photo_targets(stretched(grey), c)
     return tuple(replace(one, place=(one.place[0] + float(first[0]), one.place[1] + float(first[1]))) for one in found)
 
 

@@ -63,10 +63,14 @@ class Marker:
             return ()
         found = {one.photo: one for one in proposals(self.belief, point, expected, place, read)} if point.marks else {}
         # A target has a centre of its own; where none is found, or several, patches decide.
-        for one in target_proposals(point, expected, lambda sight: local_targets(read, sight)):
+        for one in target_proposals(point, expected, lambda sight: local_targets(read, sight, self._constant(sight.photo))):
             if not one.refused or one.photo not in found:
                 found[one.photo] = one
         return tuple(found.values())
+
+    def _constant(self, photo: str) -> float:
+        """px: the camera constant of a photograph."""
+        return self.belief.camera_of(self.belief.number[photo]).c
 
     def next_points(self, marks: Marks) -> tuple[NextPoint, ...]:
         """Where another control or check point would help most; empty before the photographs are oriented."""

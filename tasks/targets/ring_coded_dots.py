@@ -11,7 +11,9 @@ import cv2
 import numpy as np
 
 from orthomill.schemas.marks import FoundTarget
+from orthomill.tasks.targets.leaning_circle import WIDE, centre_sigma
 from orthomill.tasks.targets.ring_code_words import FAMILIES, least_rotation, word_numbers
+from orthomill.tasks.targets.target_centre import LEAST_SIGMA
 
 BLOCK, DARKER = 51, 5.0
 """px and grey values: dots are looked for where they differ from the mean of so large a neighbourhood"""
@@ -34,8 +36,6 @@ OFF_GRID = 0.12
 """rms of the inside of segments about their colours, of the contrast"""
 RIVAL, NOISE = 1.5, 0.02
 """The grid of any other family fits worse by this factor; what is below the noise counts as this."""
-OFF_CENTRE = 0.05
-"""px: the centre of an ellipse is not that of the circle that leans (benchmarks/results/drawn_targets.md)"""
 CORRELATED = 2.0
 """Neighbouring rays share their errors: standard errors of independent ones, times this."""
 
@@ -49,16 +49,17 @@ class _Dot:
     sigma: float
 
 
-def ring_coded_dots(grey: np.ndarray) -> list[FoundTarget]:
-    """The ring codes of a grey image (rows, cols) uint8, each as often as it shows."""
+def ring_coded_dots(grey: np.ndarray, c: float = WIDE) -> list[FoundTarget]:
+    """The ring codes of a grey image (rows, cols) uint8, each as often as it shows; c: the camera constant, px."""
     found: list[FoundTarget] = []
     for rough in _candidates(grey):
         dot = _measured(grey, rough)
         code = _read(grey, dot) if dot is not None else None
         if dot is None or code is None or any(np.hypot(*(dot.place - other.place)) < other.radius for other in found):
             continue
-        radius = 3.0 * float(np.linalg.svd(dot.axes, compute_uv=False)[1])
-        found.append(FoundTarget("coded", (float(dot.place[0]), float(dot.place[1])), dot.sigma, radius, 1.0, code))
+        long, short = map(float, np.linalg.svd(dot.axes, compute_uv=False))
+        sigma = float(np.hypot(dot.sigma, centre_sigma(long, short, c)))
+        found.append(FoundTarget("coded", (float(dot.place[0]), float(dot.place[1])), sigma, 3.0 * short, 1.0, code))
     return found
 
 
@@ -132,7 +133,7 @@ def _by_rays(grey: np.ndarray, dot: _Dot) -> _Dot | None:
     rms = float(np.sqrt((away**2).mean()))
     if rms > 0.03 + 0.2 / size:
         return None
-    sigma = float(np.hypot(CORRELATED * rms * size * np.sqrt(2.0 / RAYS), OFF_CENTRE))
+    sigma = max(float(CORRELATED * rms * size * np.sqrt(2.0 / RAYS)), LEAST_SIGMA)
     return _Dot(fitted.place, fitted.axes, sigma)
 
 

@@ -18,6 +18,9 @@ RADII = (3.0, 4.5, 6.5, 9.5, 14.0)
 """px: reach of the targets that are looked for; each is found from a third to half of its width"""
 MOST_CANDIDATES = 3000
 """in a photograph and reach; the strongest"""
+CORNER_WIDTH, DISC_WIDTH = 0.3, 0.5
+"""of the reach: widths of the Gaussians under which curvature is greatest in the middle of corners and arms, and in that of discs
+(at their radius / sqrt(2), Lindeberg 1998)"""
 LEAST_CONTRAST = 12.0
 """grey values between the bright and the dark of a target, of 255"""
 LIKE_AT_FIRST = 0.8
@@ -59,14 +62,19 @@ def joined(found: list[RingTargets]) -> RingTargets:
 
 
 def _of_radius(grey: np.ndarray, radius: float) -> RingTargets:
-    smooth = cv2.GaussianBlur(grey, (0, 0), max(0.3 * radius, 0.7))
+    # Saddles: the product of the principal curvatures is negative. Crossing arms and discs have curvatures of one sign.
+    corner, blob = (_gaussian_curvature(grey, share * radius) for share in (CORNER_WIDTH, DISC_WIDTH))
+    shown = as_lens(grey, radius)
+    found = (_peaks(np.maximum(response, 0.0), radius) for response in (-corner, corner, blob))
+    return joined([_alike(shown, peaks, radius, kind) for kind, peaks in enumerate(found)])
+
+
+def _gaussian_curvature(grey: np.ndarray, width: float) -> np.ndarray:
+    """(rows, cols) the determinant of the second derivatives of an image smoothed by a Gaussian of this width, px."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), max(width, 0.7))
     xx, yy = cv2.Sobel(smooth, cv2.CV_32F, 2, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 2)
     xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1)
-    # Saddles: the product of the principal curvatures is negative. Crossing arms and discs have curvatures of one sign.
-    saddle = xy * xy - xx * yy
-    peaks = [_peaks(np.maximum(saddle, 0.0), radius), _peaks(np.maximum(-saddle, 0.0), radius)]
-    shown = as_lens(grey, radius)
-    return joined([_alike(shown, peaks[0], radius, 0), _alike(shown, peaks[1], radius, 1), _alike(shown, peaks[1], radius, 2)])
+    return xx * yy - xy * xy
 
 
 def as_lens(grey: np.ndarray, radius: float) -> np.ndarray:

@@ -78,9 +78,17 @@ def _step(away: np.ndarray) -> np.ndarray:
 def likeness(values: np.ndarray, kind: TargetKind) -> np.ndarray:
     """(n,) -1 to 1: the correlation of values (n, rings, SAMPLES) of grey with the template that is most alike, bright on dark or
     the reverse."""
-    if not len(values):
-        return np.zeros(0, np.float32)
+    return np.abs(_correlations(values, kind)).max(axis=1) if len(values) else np.zeros(0, np.float32)
+
+
+def edge_directions(values: np.ndarray) -> np.ndarray:
+    """(2,) radians: the directions of the edges of a chequered plate by its values (rings, SAMPLES), to a step of the templates."""
+    first, between = divmod(int(np.abs(_correlations(values[None], "chequered")).argmax()), len(LEAN))
+    return DIRECTIONS[first] + np.array([0.0, LEAN[between]])
+
+
+def _correlations(values: np.ndarray, kind: TargetKind) -> np.ndarray:
     flat = values.reshape(len(values), -1)
     centred = flat - flat.mean(axis=1, keepdims=True)
     normed = centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), 1e-6)
-    return np.abs(normed.astype(np.float32) @ bank(kind).T).max(axis=1)
+    return normed.astype(np.float32) @ bank(kind).T

@@ -5,36 +5,22 @@ fit best with a shift d, the centre lies d / 2 from the middle. Blur, light and 
 in both. The standard error follows from the residuals, which are also those of what is no target.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.imagery.bicubic import bilinear_at
+from orthomill.tasks.targets.target_centre import CORRELATED, LEAST_SIGMA, TargetCentre
 
 STEPS = 12
 STOP = 1e-3
 """px"""
 FARTHEST = 3.0
 """px from the start beyond which another thing was found"""
-CORRELATED = 2.0
-"""Grey values of neighbouring pixels share their errors (blur, demosaicing): standard errors of white ones, times this."""
-LEAST_SIGMA = 0.02
-"""px"""
 WORST_CONDITION = 1e4
 """Ratio of the eigenvalues of the normal equations beyond which a patch has edges of one direction only."""
 
 
-@dataclass(frozen=True, eq=False)
-class SymmetricCentre:
-    """`place` (2,) (col, row) px, its standard error, and `asymmetry`: what of the patch's variance is not symmetric, 0 to 1."""
-
-    place: np.ndarray
-    sigma: float
-    asymmetry: float
-
-
-def symmetric_centre(grey: np.ndarray, start: np.ndarray, radius: float) -> SymmetricCentre | None:
+def symmetric_centre(grey: np.ndarray, start: np.ndarray, radius: float) -> TargetCentre | None:
     """The centre of symmetry near `start` (2,) px of a grey image (rows, cols) float32, in a round patch of `radius` px; None where
     there is none, or the patch leaves the image."""
     found, col, row, largest, variance, spread = _symmetry(grey, float(start[0]), float(start[1]), float(radius))
@@ -42,7 +28,7 @@ def symmetric_centre(grey: np.ndarray, start: np.ndarray, radius: float) -> Symm
         return None
     # Each pair of pixels occurs twice.
     sigma = max(CORRELATED * float(np.sqrt(2.0 * variance * largest)), LEAST_SIGMA)
-    return SymmetricCentre(np.array([col, row]), sigma, min(variance / max(2.0 * spread, 1e-9), 1.0))
+    return TargetCentre(np.array([col, row]), sigma, min(variance / max(2.0 * spread, 1e-9), 1.0))
 
 
 @njit(error_model="numpy")

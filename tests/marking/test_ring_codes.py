@@ -34,8 +34,8 @@ def test_codes_that_lean_and_are_blurred_have_their_number_and_centre(kind):
         for found in ring_coded_dots(as_photograph(picture)):
             assert found.name == f"{kind}-{number}"
             ratios.append((found.place - centre) / found.sigma)
-    # The smallest, of 4 px, may fit two grids: then they are none.
-    assert len(ratios) >= 11
+    # Small ones, with dots of 4 to 6 px, may fit two grids: then they are none.
+    assert len(ratios) >= 10
     assert np.sqrt(np.mean(np.square(ratios))) < 1.6
 
 
