@@ -1,5 +1,7 @@
 """The exterior orientation of photographs and the result of the block adjustment."""
 
+from typing import Literal
+
 import numpy as np
 from pydantic import BaseModel, ConfigDict, field_validator
 
@@ -210,6 +212,8 @@ class DistanceResidual(BaseModel):
     difference: float
     predicted: float
     """standard error of the difference that the adjustment predicts, m"""
+    role: Literal["control", "check"] = "control"
+    """`check`: an end is a check point, so that the distance takes no part in the adjustment"""
 
 
 class GroundResiduals(BaseModel):

@@ -151,3 +151,28 @@ def points_and_rays(network: Network, linear: Linear, cofactor: Covariance) -> t
 def points_elsewhere(linear: Linear, cofactor: Covariance) -> np.ndarray:
     """Covariance (N, 3, 3) of points that took no part in the adjustment and may connect photographs without common points."""
     return point_precision(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))[0]
+
+
+def distances_elsewhere(linear: Linear, cofactor: Covariance, point: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(d,) m^2 of the distances between points (n, 3) that took no part, by the numbers of their `ends` (d, 2): errors of the
+    orientation move neighbouring points alike, which their own covariances do not tell."""
+    moved = {i: _movement(linear, i, len(cofactor)) for i in map(int, np.unique(ends))}
+    variances = []
+    for i, j in ends.tolist():
+        towards = (point[j] - point[i]) / np.linalg.norm(point[j] - point[i])
+        pull = towards @ (moved[j][0] - moved[i][0])
+        own = towards @ (moved[i][1] + moved[j][1]) @ towards
+        variances.append(float(own + pull @ cofactor.times(pull[:, None])[:, 0]))
+    return np.array(variances)
+
+
+def _movement(linear: Linear, point: int, unknowns: int) -> tuple[np.ndarray, np.ndarray]:
+    """(3, unknowns) derivatives of an intersected point by orientation and cameras, and its covariance (3, 3) by its rays alone."""
+    own = slice(linear.first[point], linear.first[point + 1])
+    jp = linear.jp[own] @ linear.frame[point].T
+    weighted = (linear.weight[own, None, None] * jp).swapaxes(1, 2)
+    alone = np.linalg.inv((weighted @ jp).sum(axis=0))
+    by_unknowns = np.zeros((3, unknowns))
+    for columns, normal in zip(linear.columns[linear.row[own]], weighted @ linear.jg[own], strict=True):
+        by_unknowns[:, columns[columns >= 0]] += normal[:, columns >= 0]
+    return -alone @ by_unknowns, alone

@@ -369,10 +369,8 @@ def _distance_mistake(
     for name in ends:
         if name not in known:
             return f"the point '{name}' {unknown}."
-        if known[name].role == "check":
-            return f"{name} is a check point, which takes no part in the adjustment; give it the role control or tie."
-        # Control has coordinates of its own; a tie point needs two rays, or the distance determines nothing.
-        if len(known[name].measurements) < (2 if known[name].role == "tie" else 1):
+        # Control has coordinates of its own; any other point needs two rays, or the distance determines nothing.
+        if len(known[name].measurements) < (1 if known[name].role == "control" else 2):
             return f"{name} is measured in {len(known[name].measurements)} photographs, but needs two."
     if ends[0] == ends[1]:
         return "a distance needs two different points."

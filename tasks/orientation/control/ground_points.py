@@ -11,7 +11,7 @@ from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.testing.covariances import points_elsewhere
+from orthomill.tasks.adjustment.testing.covariances import distances_elsewhere, points_elsewhere
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.orientation.measurements import ideal, with_interior
 
@@ -89,6 +89,12 @@ def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> Inter
     residual = np.full((len(rays), 2), np.nan)
     residual[placed[rays.point]] = residuals(state, own, network.camera_of)
     return IntersectedGroundPoints(np.where(placed[:, None], state.point, np.nan), covariance, residual)
+
+
+def distance_variances_between(result: Adjustment, point: np.ndarray, rays: Rays, ends: np.ndarray) -> np.ndarray:
+    """(d,) m^2 of the distances between intersected points (n, 3) by the numbers of their `ends` (d, 2)."""
+    state, network = replace(result.state, point=point), _without_points(result.network, len(point))
+    return distances_elsewhere(linearised(network, state, rays), result.cofactor, point, ends)
 
 
 def _without_points(network: Network, count: int) -> Network:

@@ -9,13 +9,13 @@ from orthomill.tasks.adjustment.model.datum import antennas, distance_residuals,
 from orthomill.tasks.adjustment.testing.surveyed_blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
-from orthomill.tasks.orientation.control.ground_points import approximate_points, intersect_ground
+from orthomill.tasks.orientation.control.ground_points import approximate_points, distance_variances_between, intersect_ground
 from orthomill.tasks.orientation.measurements import ground_rays
 
 
 def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals:
     """How the block fits what is known; observations that took no part are compared all the same."""
-    distances = tuple(distance_rows(results))
+    distances = (*distance_rows(results), *check_distance_rows(results, control))
     # Coordinates of a free network are those of no ground point.
     if results.datum.free:
         return GroundResiduals(distances=distances)
@@ -97,6 +97,33 @@ def distance_rows(results: BlockResults) -> list[DistanceResidual]:
             )
         )
     return rows
+
+
+def check_distance_rows(results: BlockResults, control: Control) -> list[DistanceResidual]:
+    """Distances to check points against the block: they take no part, and both ends are intersected from their own marks."""
+    points = [point for point in control.points if len(point.measurements) >= 2]
+    number = {point.name: i for i, point in enumerate(points)}
+    check = {point.name for point in points if point.role == "check"}
+    distances = [d for d in control.distances if {d.first, d.second} & check and {d.first, d.second} <= number.keys()]
+    if not distances:
+        return []
+    rays = ground_rays(points, {name: i for i, name in enumerate(results.problem.names)}, results.cameras)
+    start = approximate_points(results.result.state, results.problem.cameras, results.problem.camera_of, rays, len(points)).point
+    found = intersect_ground(results.result, start, rays).point
+    placed = [d for d in distances if np.isfinite(found[[number[d.first], number[d.second]]]).all()]
+    ends = np.array([(number[d.first], number[d.second]) for d in placed], int).reshape(-1, 2)
+    variances = distance_variances_between(results.result, found, rays, ends)
+    return [
+        DistanceResidual(
+            first=d.first,
+            second=d.second,
+            length=d.length,
+            difference=float(np.linalg.norm(found[j] - found[i])) - d.length,
+            predicted=float(np.sqrt(variance + d.sigma**2)),
+            role="check",
+        )
+        for d, (i, j), variance in zip(placed, ends, variances, strict=True)
+    ]
 
 
 def stated_distances(results: BlockResults) -> tuple[list[list[int]], np.ndarray]:

@@ -9,7 +9,14 @@ from small_network import small_network
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Rays
-from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, points_elsewhere, with_considered
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision_alone
+from orthomill.tasks.adjustment.testing.covariances import (
+    covariance_of,
+    distances_elsewhere,
+    points_and_rays,
+    points_elsewhere,
+    with_considered,
+)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +60,21 @@ def test_new_points_between_any_photographs_have_the_precision_of_old_ones(chain
     points, _ = points_and_rays(network, linear, cofactor)
     same = points_elsewhere(linear, cofactor)
     assert np.allclose(same, points, rtol=1e-9, atol=1e-12)
+
+
+def test_distances_know_that_errors_of_the_orientation_move_neighbours_alike(chain):
+    network, state, _, linear, cofactor = chain
+    unknown = np.flatnonzero(~network.point_weight.any(axis=1))
+    ends = unknown[[[0, 1], [2, -1]]]
+    at_rest = point_corrections(linear, np.zeros(len(cofactor)))
+    moved = np.stack([point_corrections(linear, unit) - at_rest for unit in np.eye(len(cofactor))], axis=2)
+    alone = point_precision_alone(linear, cofactor.blocks.pattern.start)
+    whole = cofactor.times(np.eye(len(cofactor)))
+    for (i, j), variance in zip(ends, distances_elsewhere(linear, cofactor, state.point, ends), strict=True):
+        towards = (state.point[j] - state.point[i]) / np.linalg.norm(state.point[j] - state.point[i])
+        apart = moved[j] - moved[i]
+        expected = apart @ whole @ apart.T + alone[i] + alone[j]
+        assert variance == pytest.approx(towards @ expected @ towards, rel=1e-8)
 
 
 def test_a_point_of_distant_photographs_is_less_certain_than_rays_alone_say(chain):

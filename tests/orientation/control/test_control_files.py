@@ -68,7 +68,7 @@ def test_distances_and_tie_points_are_read():
     ("line", "sentence"),
     [
         ("P1,P9,1,1", "line 3, P1 to P9: the point 'P9' is not in the control points file"),
-        ("P1,P2,1,1", "P2 is a check point, which takes no part"),
+        ("P1,P2,1,1", "P2 is measured in 1 photographs, but needs two"),
         ("P1,P1,1,1", "needs two different points"),
         ("P1,P3,-4,1", "metres is -4, which must be a positive number"),
         ("P1,P3,4,0", "sigma is '0', which must be a positive number"),

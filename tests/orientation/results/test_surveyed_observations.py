@@ -201,6 +201,19 @@ def test_a_distance_takes_part_along_with_control():
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 
 
+def test_a_distance_to_a_check_point_is_compared_and_moves_nothing():
+    block = two_strips(21)
+    control, check = ([p for p in block.control.points if p.role == role] for role in ("control", "check"))
+    plain = orient(block)
+    for first, second in ((control[0], check[0]), (check[0], check[1])):
+        length = float(np.linalg.norm(np.subtract(first.xyz, second.xyz)))
+        wrong = Distance(first=first.name, second=second.name, length=length + 1.0, sigma=0.02)
+        out = orient(with_control(block, lambda i, p: p, (wrong,)))
+        (row,) = out["ground_residuals"].distances
+        assert row.role == "check" and row.difference == pytest.approx(-1.0, abs=4 * row.predicted)
+        assert out["block"] == plain["block"]
+
+
 def test_groups_share_the_redundancy(volos_like):
     out = volos_like[1]
     groups = out["precision"].groups
