@@ -110,6 +110,9 @@ def marked_automatically(
     state = session.state()
     for one in state["judgement"].get("wrong", ()):
         yield f"wrong: {one['sentence']}"
+    for distance, why in zip(marks.distances, state["left_out"], strict=True):
+        if why:
+            yield f"not used yet: the distance from {distance.first} to {distance.second}, for {why}"
     yield f"Kept in {session.ledger.folder}; look at them with: orthomill mark {session.project}"
 
 

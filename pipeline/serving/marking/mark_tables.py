@@ -5,6 +5,7 @@ import io
 from collections.abc import Iterable
 
 from orthomill.schemas.marks import MarkedPoint, Marks
+from orthomill.schemas.observations import Distance
 
 POINTS, MEASUREMENTS, DISTANCES, GCP_LIST = "points.csv", "measurements.csv", "distances.csv", "gcp_list.txt"
 
@@ -12,8 +13,7 @@ POINTS, MEASUREMENTS, DISTANCES, GCP_LIST = "points.csv", "measurements.csv", "d
 def mark_files(marks: Marks, crs: str) -> dict[str, str]:
     """The texts of all files, by their names: what an adjustment can use of the marks. `crs`: system of the coordinates."""
     usable = [point for point in marks.points if is_usable(point)]
-    names = {point.name for point in usable if point.role != "check"}
-    distances = [one for one in marks.distances if {one.first, one.second} <= names]
+    distances = [one for one in marks.distances if not left_out(one, marks)]
     return {
         POINTS: _csv(("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), map(_point_row, usable)),
         MEASUREMENTS: _csv(
@@ -33,6 +33,21 @@ def is_usable(point: MarkedPoint) -> bool:
     """Whether an adjustment can use a point: marked, in two photographs where its coordinates are not known."""
     needed = 2 if point.role == "tie" else 1
     return point.role != "unused" and len(point.marks) >= needed and (point.role == "tie" or point.xyz is not None)
+
+
+def left_out(distance: Distance, marks: Marks) -> str:
+    """Why no adjustment is given a distance; empty where one is. One to a check point is compared with the block."""
+    for name in (distance.first, distance.second):
+        point = next((one for one in marks.points if one.name == name), None)
+        if point is None or point.role == "unused":
+            return f"{name} is unused"
+        # Known coordinates place a control point; any other end of a distance is where its rays meet.
+        needed = 1 if point.role == "control" and point.xyz is not None else 2
+        if len(point.marks) < needed:
+            return f"{name} has {len(point.marks)} of the {needed} marks that it needs"
+        if not is_usable(point):
+            return f"{name} has no coordinates"
+    return ""
 
 
 def _point_row(point: MarkedPoint) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from orthomill.pipeline.serving.marking.field_files import GEOJSON, GPX, next_point_files, next_sentence
 from orthomill.pipeline.serving.marking.mark_ledger import AreaChange, Change, MarkLedger
+from orthomill.pipeline.serving.marking.mark_tables import left_out
 from orthomill.pipeline.serving.marking.mask_images import MaskImages
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
 from orthomill.pipeline.storage.whole_files import write_whole
@@ -64,6 +65,7 @@ class MarkingSession:
             "revision": revision,
             "points": [point.model_dump(mode="json") for point in marks.points],
             "distances": [one.model_dump(mode="json") for one in marks.distances],
+            "left_out": [left_out(one, marks) for one in marks.distances],
             "areas": [one.model_dump(mode="json") for one in marks.areas],
             "judgement": self._judgement(revision, marks),
         }

@@ -19,6 +19,7 @@ from orthomill.pipeline.serving.marking.mark_ledger import (
     PointChange,
     PointFields,
 )
+from orthomill.pipeline.serving.marking.mark_tables import left_out, mark_files
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.marks import Mark
 from orthomill.schemas.observations import Distance
@@ -77,6 +78,23 @@ def test_a_point_that_no_adjustment_can_use_is_kept_but_not_given_to_one(tmp_pat
     found.apply(MarkChange(kind="mark", point="T", photo="a.jpg", before=Mark(col=6.0, row=7.25), after=None))
     assert (tmp_path / "points.csv").read_text().splitlines() == ["name,role,x,y,z,sigma_x,sigma_y,sigma_z"]
     assert len(ledger(tmp_path).marks.points) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"role": "check"}, ""),
+        ({"role": "unused"}, "P 1 is unused"),
+        ({"xyz": None}, "P 1 has no coordinates"),
+        ({"marks": {}}, "P 1 has 0 of the 1 marks"),
+        ({"role": "check", "marks": {"a.jpg": Mark(col=1.0, row=1.0)}}, "P 1 has 1 of the 2 marks"),
+    ],
+)
+def test_a_distance_is_given_to_the_adjustment_or_its_reason_is_told(tmp_path, change, why):
+    marks = filled(tmp_path).marks
+    changed = marks.model_copy(update={"points": (marks.points[0].model_copy(update=change), marks.points[1])})
+    assert left_out(changed.distances[0], changed).startswith(why) and bool(left_out(changed.distances[0], changed)) == bool(why)
+    assert ("P 1,T,2.0" in mark_files(changed, "EPSG:32632")["distances.csv"]) == (not why)
 
 
 def test_two_pages_do_not_overwrite_each_other(tmp_path):
