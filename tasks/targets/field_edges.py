@@ -12,6 +12,8 @@ from orthomill.tasks.targets.target_centre import CORRELATED, LEAST_SIGMA, Targe
 
 FARTHEST = 3.0
 """px from the start beyond which another thing was found"""
+STOP = {"ftol": 1e-4, "xtol": 1e-4, "max_nfev": 30}
+"""of the search: the last steps are below a hundredth of a pixel"""
 SOFT = 0.7
 """px: width of an edge at the start"""
 SOFTNESS = (0.2, 2.0)
@@ -40,7 +42,7 @@ def crossing_edges(grey: np.ndarray, start: np.ndarray, radius: float, direction
     room = np.array([FARTHEST, FARTHEST, 0.5, 0.5])
     first = np.array([*(start - middle), *directions, SOFT])
     bounds = (np.append(first[:4] - room, SOFTNESS[0]), np.append(first[:4] + room, SOFTNESS[1]))
-    fitted = least_squares(lambda x: levels(x)[1], first, bounds=bounds, x_scale=(0.3, 0.3, 0.2, 0.2, 0.3))
+    fitted = least_squares(lambda x: levels(x)[1], first, bounds=bounds, x_scale=(0.3, 0.3, 0.2, 0.2, 0.3), **STOP)
     values, residual = levels(fitted.x)
     if not _alternate(values):
         return None

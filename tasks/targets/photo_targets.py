@@ -21,6 +21,8 @@ EDGES = 0.85
 # Set on one block of 20 photographs with five plates, and on drawn targets.
 MOST_SIGMA, MOST_ASYMMETRY = 0.18, 0.06
 """What may be a target where one is expected: standard error (px), and the variance that is not symmetric."""
+LIKE_BEFORE_EDGES = 0.88
+"""Likeness, about a place that is known to a pixel, of what is worth the fit of edges."""
 MOST_EDGE_SIGMA, MOST_UNEXPLAINED = 0.25, 0.1
 """And what may be a plate that is not symmetric: standard error (px), and the variance that its four fields do not explain."""
 LEAST_LIKE: dict[TargetKind, float] = {"chequered": 0.91, "cross": 0.9, "circle": 0.9}
@@ -58,10 +60,9 @@ def _centre(whole: np.ndarray, place: np.ndarray, radius: float, kind: TargetKin
     found = best_centre(whole, place, radius)
     if found is not None and found.sigma <= MOST_SIGMA and found.unexplained <= MOST_ASYMMETRY:
         return found
-    # Only what looks like a plate already is worth the fit.
-    if kind != "chequered" or likeness_about(whole, place, radius, kind) < LEAST_LIKE[kind]:
-        return None
     values = _values_about(whole, place, radius, kind)
+    if kind != "chequered" or float(likeness(values[None], kind)[0]) < LIKE_BEFORE_EDGES:
+        return None
     edges = crossing_edges(whole, place, EDGES * radius, edge_directions(values))
     return edges if edges is not None and edges.sigma <= MOST_EDGE_SIGMA and edges.unexplained <= MOST_UNEXPLAINED else None
 
