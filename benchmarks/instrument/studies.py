@@ -399,6 +399,15 @@ _ALL = (
         needs="a run of volos_small",
     ),
     Study(
+        "plain_photographs",
+        "marking.plain_photographs",
+        "plates without a number, found from a list of coordinates",
+        "minutes",
+        MARKING,
+        words="[RUN]",
+        needs="a run of volos_small",
+    ),
+    Study(
         "marking_page",
         "marking.marking_page",
         "the page by keyboard, and marks lost when its parts are killed",
