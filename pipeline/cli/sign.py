@@ -19,6 +19,7 @@ from orthomill.pipeline.signing.signing_key import default_key_path, new_key, re
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
 from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.store import Store
+from orthomill.pipeline.workflow.workflow_checks import named_inputs
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.errors import ResourceError, StoreError
 
@@ -61,6 +62,7 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
         raise ResourceError("A signature needs the name and the role of the person: --name 'A. Surveyor' --role 'head of survey'.")
     folder = loaded.run_folder
     page, facts = _page(loaded)
+    _refuse_newer(loaded, facts)
     with only_run(folder):
         _refuse_damaged(folder, loaded.project.project)
         bring_products(folder)
@@ -76,10 +78,24 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
             warnings=tuple(caution.sentence for caution in page.cautions),
             classes=page.classes,
             files={path: digest_of(folder / path) for path in signed_paths(folder)},
+            inputs={path: digest_of(loaded.root / path) for path in named_inputs(loaded.project)},
         )
         path = keep(sign(statement, _key(key, person)), folder)
         rewrite_page(Store(folder), folder, titles_of(loaded.stages), facts)
         return path
+
+
+def _refuse_newer(loaded: LoadedWorkflow, facts: RunFacts) -> None:
+    """An input that was written after the run need not be the one that its results were made from."""
+    if facts.finished is None:
+        return
+    finished, project = datetime.fromisoformat(facts.finished).timestamp(), loaded.project.project
+    newer = [path for path in named_inputs(loaded.project) if (loaded.root / path).stat().st_mtime > finished]
+    if newer:
+        raise StoreError(
+            f"{newer[0]} was written after {project} was run, and may not be what its results were made from; run it again: "
+            f"orthomill run {project}"
+        )
 
 
 def _refuse_damaged(folder: Path, project: str) -> None:

@@ -52,11 +52,13 @@ class SignatureCheck:
     changed: tuple[str, ...]
     missing: tuple[str, ...]
     added: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    """files that the results were made from, and that are not as they were"""
 
     @property
     def holds(self) -> bool:
         """Whether the statement is genuine and every file is as it was signed."""
-        return self.signature.is_genuine and not (self.changed or self.missing or self.added)
+        return self.signature.is_genuine and not (self.changed or self.missing or self.added or self.inputs)
 
 
 def sign(statement: Statement, key: Ed25519PrivateKey) -> SignedStatement:
@@ -82,10 +84,13 @@ def read_signature(folder: Path) -> SignedStatement | None:
 
 
 def check_signature(folder: Path) -> SignatureCheck | None:
-    """The signature of a run beside its files as they are now; None without one. Raises StoreError."""
+    """The signature of a run, runs/<project>, beside its files and those of its project as they are now; None without one. Raises
+    StoreError."""
     signature = read_signature(folder)
     if signature is None:
         return None
     present, signed = set(signed_paths(folder)), signature.statement.files
     changed = tuple(path for path in sorted(present & set(signed)) if digest_of(folder / path) != signed[path])
-    return SignatureCheck(signature, changed, tuple(sorted(set(signed) - present)), tuple(sorted(present - set(signed))))
+    root, given = folder.resolve().parent.parent, signature.statement.inputs
+    inputs = tuple(path for path in sorted(given) if not (root / path).is_file() or digest_of(root / path) != given[path])
+    return SignatureCheck(signature, changed, tuple(sorted(set(signed) - present)), tuple(sorted(present - set(signed))), inputs)

@@ -15,7 +15,12 @@ def signature_lines(check: SignatureCheck) -> Iterator[str]:
     if not check.signature.is_genuine:
         yield f"the signature of {who} is not genuine: the statement was changed after it was signed"
         return
-    for paths, what in ((check.changed, "has changed since"), (check.missing, "is missing"), (check.added, "was made later")):
+    for paths, what in (
+        (check.changed, "has changed since"),
+        (check.missing, "is missing"),
+        (check.added, "was made later"),
+        (check.inputs, "is not the file any more that the results were made from"),
+    ):
         yield from (f"{path} {what}" for path in paths[:SHOWN])
         if len(paths) > SHOWN:
             yield f"... and {len(paths) - SHOWN} more"

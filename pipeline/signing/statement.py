@@ -7,8 +7,10 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-FORMAT = 2
-"""version of the statement; 1 said nothing of classes"""
+FORMAT = 3
+"""version of the statement; 1 said nothing of classes, 2 nothing of inputs"""
+_SINCE = {"classes": 2, "inputs": 3}
+"""fields that statements of earlier formats were signed without"""
 PRODUCTS = "products"
 OTHERS = ("summary.json", "workflow.yaml")
 """files of a run that are signed beside the products"""
@@ -59,10 +61,12 @@ class Statement(BaseModel):
     reference, apart"""
     files: dict[str, SignedFile]
     """by path in the run's folder"""
+    inputs: dict[str, SignedFile] = {}
+    """control, positions and cameras that the results were made from, by path in the project's folder"""
 
     def canonical(self) -> bytes:
         """The bytes that are signed: the same for the same content, whatever writes it."""
-        known = self.model_dump(exclude={"classes"} if self.format < FORMAT else set())
+        known = self.model_dump(exclude={name for name, since in _SINCE.items() if self.format < since})
         return json.dumps(known, sort_keys=True, separators=(",", ":"), ensure_ascii=False).encode()
 
 

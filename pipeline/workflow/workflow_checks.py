@@ -184,6 +184,13 @@ def check_files(value: BaseModel, base: Path_, root: Path, mistakes: Mistakes) -
             check_files(model, path, root, mistakes)
 
 
+def named_inputs(value: BaseModel) -> Iterator[str]:
+    """The files that a model and those below it name: control, positions, cameras; photographs are a folder."""
+    yield from (text for _, text, _ in _named_files(value, ()))
+    for _, model in _models(value, ()):
+        yield from named_inputs(model)
+
+
 def _named_files(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, str, FileRole]]:
     for name, role in file_roles(type(value)).items():
         content = getattr(value, name)

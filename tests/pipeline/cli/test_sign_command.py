@@ -1,5 +1,6 @@
 """`orthomill sign` on a small real project: what is shown, what is asked, what is refused, and what the report says then."""
 
+import os
 from dataclasses import replace
 
 import pytest
@@ -7,10 +8,15 @@ from small_site import command, copy_of_finished_site, make_site
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands.application import app
-from orthomill.pipeline.cli.sign import signing_lines
+from orthomill.pipeline.cli.projects import load_project
+from orthomill.pipeline.cli.sign import Person, sign_project, signing_lines
 from orthomill.pipeline.engine.run_facts import read_facts, write_facts
 from orthomill.pipeline.report.first_page import FirstPage
-from orthomill.pipeline.signing.signature import SIGNATURE
+from orthomill.pipeline.signing.signature import SIGNATURE, read_signature
+from orthomill.pipeline.signing.statement import Signer
+from orthomill.pipeline.workflow.workflow_checks import named_inputs
+from orthomill.schemas.errors import StoreError
+from orthomill.schemas.project import ControlFromFiles
 
 WHO = ("--name", "A. Surveyor", "--role", "licensed")
 
@@ -85,3 +91,19 @@ def test_an_incomplete_project_is_not_signed(done):
 @pytest.mark.parametrize("who", [("--name", " ", "--role", "licensed"), ("--name", "A", "--role", "")])
 def test_a_signature_needs_a_name_and_a_role(done, who):
     assert "needs the name and the role" in command("sign", "site", *who, "--yes", code=2)
+
+
+def test_an_input_that_was_written_after_the_run_is_not_signed(done):
+    loaded = load_project("site")
+    control = ControlFromFiles(kind="files", points="points.csv", measurements="marks.csv")
+    changed = replace(loaded, project=loaded.project.model_copy(update={"control": control}))
+    assert list(named_inputs(changed.project)) == ["points.csv", "marks.csv"]
+    for name in ("points.csv", "marks.csv"):
+        (loaded.root / name).write_text("written later")
+    signer, person = Signer(name="A. Surveyor", role="licensed"), Person(lambda page: True, str)
+    with pytest.raises(StoreError, match=r"points\.csv was written after site was run"):
+        sign_project(changed, signer, None, person)
+    for name in ("points.csv", "marks.csv"):
+        os.utime(loaded.root / name, (0, 0))
+    assert sign_project(changed, signer, None, person) == done / SIGNATURE
+    assert set(read_signature(done).statement.inputs) == {"points.csv", "marks.csv"}

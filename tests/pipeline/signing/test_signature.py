@@ -83,6 +83,26 @@ def test_a_file_that_is_not_as_it_was_signed_is_named(signed, spoil, said):
     assert not check.holds and first == said and "no longer belongs to these results" in last
 
 
+def test_the_files_that_results_were_made_from_are_signed_as_well(tmp_path):
+    folder, control = tmp_path / "runs" / "site", tmp_path / "control.csv"
+    folder.mkdir(parents=True)
+    control.write_text("P1,check,1,2,3")
+    keep(sign(statement(folder, inputs={"control.csv": digest_of(control)}), KEY), folder)
+    assert check_signature(folder).holds
+    control.write_text("P1,check,1,2,4")
+    first, _ = signature_lines(check_signature(folder))
+    assert first == "control.csv is not the file any more that the results were made from"
+    control.unlink()
+    assert not check_signature(folder).holds
+
+
+@pytest.mark.parametrize("form", [1, 2])
+def test_signatures_of_earlier_formats_hold(folder, form):
+    made = statement(folder, format=form, classes=("dsm: 5 cm",) if form == 2 else ())
+    keep(sign(made, KEY), folder)
+    assert check_signature(folder).holds and b"inputs" not in made.canonical()
+
+
 def test_the_report_may_be_written_again(signed):
     (signed / "report.html").write_text("another day")
     assert check_signature(signed).holds
