@@ -8,6 +8,9 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.findings.control_findings import ControlFinding, ControlRead
 from orthomill.schemas.job import Columns, Table
 
+NO_HEIGHT = 300.0
+"""m: standard error of a surveyed height that is unknown; its pull on the block stays below a hundredth of that of any receiver"""
+
 
 @dataclass(frozen=True)
 class TiePoints(Columns):

@@ -199,6 +199,8 @@ class GroundResidual(BaseModel):
     """root mean square of its image residuals"""
     redundancy: tuple[float, float, float] | None = None
     """share of an error of each coordinate that its difference shows; None where the whole of it shows"""
+    sigma: tuple[float, float, float] | None = None
+    """m: standard error with which each coordinate took part; None: it took no part"""
 
 
 class DistanceResidual(BaseModel):
@@ -239,6 +241,22 @@ class ParameterCorrelation(BaseModel):
     value: float
 
 
+class GroupReliability(BaseModel):
+    """How well errors of single observations of a group would have been found: px for what was measured in photographs, else m."""
+
+    model_config = ConfigDict(frozen=True)
+
+    detectable: float | None
+    """smallest error that the test at 0.1 % finds with 80 % (inner reliability), median of the group; None: nothing checks it"""
+    detectable_most: float | None
+    """the same, of the observation that is checked worst"""
+    effect: float | None
+    """what an error of that size, not found, does to the adjusted value of its observation (external reliability), median"""
+    effect_most: float | None
+    unchecked: int
+    """observations that nothing checks"""
+
+
 class ObservationGroup(BaseModel):
     """A group of observations with its variance component."""
 
@@ -254,6 +272,7 @@ class ObservationGroup(BaseModel):
     """estimated by stated standard error"""
     part: str = ""
     """which of several groups with this name: the receiver, the kind of its solutions"""
+    reliability: GroupReliability | None = None
 
 
 class SourceStatement(BaseModel):

@@ -15,7 +15,7 @@ from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, class_of
-from orthomill.schemas.surface import HEIGHT, PRECISION, PROVENANCE
+from orthomill.schemas.surface import DATUM_PRECISION, HEIGHT, PRECISION, PROVENANCE
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
 from orthomill.tasks.accuracy.statement.named_errors import named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
@@ -27,13 +27,14 @@ GROSS = 10.0
 """promised errors: beyond it a height is a blunder, of which no root mean square of a few points tells"""
 
 
-def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (N, 2) m where heights can be tested, their errors (N,) m and what the surface promises (N,) m."""
+def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Places (N, 2) m where heights can be tested, their errors (N,) m, what the surface promises (N,) m, and the part of it
+    that is the place of the block (N,) m."""
     store, grid, rng = Store(Path(run)), RunSurface(Path(run)).grid, np.random.default_rng(1)
-    whole = [store.read(name, store.spec(name).full) for name in (HEIGHT, PRECISION, PROVENANCE)]
+    whole = [store.read(name, store.spec(name).full) for name in (HEIGHT, PRECISION, PROVENANCE, DATUM_PRECISION)]
     # A pole stands on the ground, below leaves as well.
     wrong = errors_of(store, grid, whole[0])
-    places, errors, promised = [], [], []
+    places, errors, promised, datum = [], [], [], []
     for _ in range(PLACES):
         row, col = rng.integers(8, grid.rows - 8), rng.integers(8, grid.cols - 8)
         # Just beside a cell's centre, where the truth of that cell holds.
@@ -46,7 +47,8 @@ def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             places.append((x, y))
             errors.append(error)
             promised.append(found.sigma)
-    return np.array(places), np.array(errors), np.array(promised)
+            datum.append(found.datum)
+    return np.array(places), np.array(errors), np.array(promised), np.array(datum)
 
 
 def drawn(errors: np.ndarray, rng: np.random.Generator) -> AccuracyFigure:
@@ -109,16 +111,29 @@ def planted(places: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     }
 
 
-def named_row(kind: str, places: np.ndarray, errors: np.ndarray, wrong: tuple[np.ndarray, np.ndarray]) -> str:
-    """How often the largest error that is named is the planted one."""
-    rng, first = np.random.default_rng(3), []
+def named_row(
+    kind: str, places: np.ndarray, errors: np.ndarray, wrong: tuple[np.ndarray, np.ndarray], datum: np.ndarray, mixed: bool = False
+) -> str:
+    """How often the largest error that is named is the planted one, and how often one is beyond what the block promises; mixed: the
+    surface's own errors change places, so that nothing is shared but by chance."""
+    rng, first, doubted = np.random.default_rng(3), [], []
     for _ in range(300):
         chosen = rng.choice(len(places), POINTS, replace=False)
-        height = errors[chosen] + wrong[0][chosen] - rng.normal(0, SURVEY, POINTS)
+        own = rng.permutation(errors)[chosen] if mixed else errors[chosen]
+        height = own + wrong[0][chosen] - rng.normal(0, SURVEY, POINTS)
         plan = wrong[1][chosen] - rng.normal(0, SURVEY, (POINTS, 2))
-        named = named_errors(places[chosen], height, plan)
+        survey, promised = (SURVEY, SURVEY), (None, math.sqrt(float((datum[chosen] ** 2).mean())))
+        named = named_errors(places[chosen], height, plan, survey, promised)
         first.append(named[0].kind if named else "none")
-    return f"| {kind} | {share([one == kind for one in first])} | {', '.join(sorted(set(first)))} |"
+        doubted.append(any(not error.is_promised for error in named))
+    words = f"{kind}, errors mixed" if mixed else kind
+    return f"| {words} | {share([one == kind for one in first])} | {share(doubted)} | {', '.join(sorted(set(first)))} |"
+
+
+def shared_by_all(places: np.ndarray, errors: np.ndarray, datum: np.ndarray) -> str:
+    """What the surface's own errors share by all places where it can be tested."""
+    named = named_errors(places, errors, np.full(places.shape, np.nan), promised=(None, math.sqrt(float((datum**2).mean()))))
+    return f"By all {len(places)} places the surface as it is: {' '.join(e.sentence for e in named) or 'nothing is shared.'}"
 
 
 _HEAD = (
@@ -132,17 +147,20 @@ def main(words: list[str]) -> None:
     lines = ["# Accuracies and classes stated from 20 check points", "", _HEAD, "| --- | --- | --- | --- | --- | --- | --- | --- |"]
     names: list[str] = []
     for run in words or ["runs/volos"]:
-        places, errors, promised = tested_places(run)
+        places, errors, promised, datum = tested_places(run)
         name, gross = Path(run).name, np.abs(errors) > GROSS * promised
         if gross.any():
             # One error of metres in two thousand places makes the root mean square, and twenty points hardly ever meet it.
             worst = float(np.abs(errors).max())
             lines.append(statement_row(f"{name}, with {gross.sum()} gross errors (to {worst:.1f} m)", errors))
-        places, errors, promised = (values[~gross] for values in (places, errors, promised))
+        places, errors, promised, datum = (values[~gross] for values in (places, errors, promised, datum))
         ratio = math.sqrt(float(((errors / promised) ** 2).mean()))
         lines.append(statement_row(f"{name} ({len(places)} places; errors {ratio:.2f} of promised)", errors))
         lines.append(statement_row(f"{name} domed by 1.3 m", errors + planted(places)["dome"][0]))
-        names += [named_row(kind, places, errors, wrong) for kind, wrong in planted(places).items()]
+        names += [named_row(kind, places, errors, wrong, datum) for kind, wrong in planted(places).items()]
+        # Without its mean, which mixing leaves.
+        names.append(named_row("none", places, errors - errors.mean(), planted(places)["none"], datum, mixed=True))
+        names += ["", shared_by_all(places, errors, datum)]
     lines += [
         "",
         f"{DRAWS} draws of {POINTS} points surveyed to {1000 * SURVEY:.0f} mm, on ground where heights are tested. Class range:",
@@ -152,8 +170,11 @@ def main(words: list[str]) -> None:
         "",
         "## Planted errors, 300 draws each",
         "",
-        "| planted | named first (%) | names that occurred |",
-        "| --- | --- | --- |",
+        "Doubted: an error is named that is beyond what the block promises of its place; others are told, and no reason to doubt.",
+        "None: the surface as it is, whose block may lean; errors mixed: the same errors at other places, so that none is shared.",
+        "",
+        "| planted | named first (%) | doubted (%) | names that occurred |",
+        "| --- | --- | --- | --- |",
         *names,
     ]
     write_page("stated_classes", words, "\n".join(lines))

@@ -7,8 +7,13 @@ from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
 
-AccuracyKind = Literal["horizontal", "nva", "vva", "three_dimensional"]
-"""in plan; in height on open ground; in height under vegetation; both together"""
+AccuracyKind = Literal["horizontal", "nva", "vva", "nva_terrain", "vva_terrain", "three_dimensional"]
+"""in plan; in height on open ground and under vegetation, of the surface and of the bare ground; in plan and height together"""
+HEIGHTS: tuple[AccuracyKind, ...] = ("nva", "vva", "nva_terrain", "vva_terrain")
+
+
+SURE = 2.58
+"""standard errors of a block's place beyond which an error is more than it promises: one of a hundred sound blocks is as far off"""
 
 
 def class_of(rmse: float) -> int:
@@ -46,6 +51,8 @@ class AccuracyFigure(_Stated):
     """mean difference, m (in height), or the length of the mean difference in plan"""
     robust: float | None
     """NMAD in height, None for other kinds"""
+    at_68: float | None = None
+    """68.3 % of the differences are no larger, counted; None in statements of earlier versions"""
     at_90: float
     """90 % of the differences are no larger: LE90 or CE90, counted and not computed from the RMSE"""
     at_95: float
@@ -74,7 +81,19 @@ class NamedError(_Stated):
     """m: what it does at most within the points"""
     sigma: float
     """m: its standard error"""
+    displaced: float = 0.0
+    """m: root mean square of what it does at the points"""
+    promised: float | None = None
+    """m: standard error that the block promises of its place there, root mean square as well; None: nothing is promised"""
     sentence: str
+
+    @property
+    def is_promised(self) -> bool:
+        """Whether a block as good as it says may have it: it is found, and no reason to doubt."""
+        if self.promised is None:
+            return False
+        known = self.sigma * self.displaced / self.size
+        return self.displaced <= SURE * math.hypot(self.promised, known)
 
 
 class AccuracyStatement(_Stated):

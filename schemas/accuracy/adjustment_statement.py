@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Columns, Table
+from orthomill.schemas.orientation import LeverArm, ObservationGroup, PositionOffset
 
 
 class _Part(BaseModel):
@@ -28,13 +29,13 @@ class InteriorStatement(_Part):
     """(n, n)"""
 
 
-class ControlReliability(_Part):
-    """How well an error of one coordinate of a control point would have been found, and what it does while it is not."""
+class SurveyedReliability(_Part):
+    """How well an error of one coordinate of a control point or a GNSS position would have been found, and what it does unfound."""
 
     point: str
     axis: str
     sigma: float
-    """m, stated"""
+    """m, with which it took part: as stated, or enlarged where the group contradicts the rest"""
     redundancy: float
     """share of an error that its residual shows"""
     detectable: float | None
@@ -44,10 +45,18 @@ class ControlReliability(_Part):
 
 
 class AdjustmentStatement(_Part):
-    """Cameras and control."""
+    """Cameras, groups of observations with their variance components and reliability, control, and what was found of receivers."""
 
     cameras: tuple[InteriorStatement, ...] = ()
-    control: tuple[ControlReliability, ...] = ()
+    groups: tuple[ObservationGroup, ...] = ()
+    control: tuple[SurveyedReliability, ...] = ()
+    gnss_shift: tuple[float, float, float] | None = None
+    """m: constant error of all GNSS positions; None: not adjusted"""
+    gnss_shift_sigma: tuple[float, float, float] | None = None
+    gnss_offsets: tuple[PositionOffset, ...] = ()
+    """constant errors of the positions of a flight, where they are not one for all"""
+    lever_arms: tuple[LeverArm, ...] = ()
+    """of each receiver; empty: none was given or adjusted"""
 
 
 @dataclass(frozen=True)
@@ -94,6 +103,23 @@ class InteriorCorrelation(Columns):
     """float64"""
 
 
+@dataclass(frozen=True)
+class SurveyedReliabilities(Columns):
+    """The same for every control point and GNSS position that took part, one coordinate a row."""
+
+    kind: np.ndarray
+    """str: control or position"""
+    name: np.ndarray
+    axis: np.ndarray
+    """str"""
+    sigma: np.ndarray
+    redundancy: np.ndarray
+    detectable: np.ndarray
+    effect: np.ndarray
+    """float64: m, share, m, m; NaN where nothing checks it"""
+
+
 ADJUSTMENT_STATEMENT = Table("accuracy/adjustment.json", AdjustmentStatement)
 EXTERIOR_PRECISION = Table("accuracy/exterior_precision.parquet", ExteriorPrecision)
+SURVEYED_RELIABILITY = Table("accuracy/surveyed_reliability.parquet", SurveyedReliabilities)
 INTERIOR_CORRELATION = Table("accuracy/interior_correlation.parquet", InteriorCorrelation)

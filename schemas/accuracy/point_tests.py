@@ -6,6 +6,7 @@ from orthomill.schemas.job import Table
 
 TESTED = "tested"
 """the reason of a point that can be tested"""
+WITHOUT_HEIGHT = "the point was surveyed without a height"
 
 
 class _Tested(BaseModel):
@@ -23,6 +24,8 @@ class HeightTest(_Tested):
     """m, of the surface at the point's place; also where it is not tested, if there is one"""
     sigma: float | None = None
     """m, standard error that the surface states there; None: it states none"""
+    datum: float | None = None
+    """m, the part of it that is the place of the block, which neighbours share; None: not stated"""
     slope: float | None = None
     """rise over run of the ground around"""
     step: float | None = None
@@ -73,6 +76,8 @@ class PointTest(_Tested):
     """of dsm.tif; None: there is none"""
     corrected: HeightTest | None = None
     """of the surface after its check; None: not checked"""
+    terrain: HeightTest | None = None
+    """of terrain.tif, the bare ground; None: there is none"""
     place: PlaceTest | None = None
     """in ortho.tif; None: there is none"""
     block: tuple[float, float, float] | None = None
@@ -83,15 +88,23 @@ class PointTest(_Tested):
     @property
     def height_difference(self) -> float | None:
         """Surface minus survey, m; None where it was not tested."""
-        counted = self.height.counted if self.height else None
-        return None if counted is None else counted - self.surveyed[2]
+        return self.difference(self.height)
 
     @property
     def height_predicted(self) -> float | None:
         """Standard error that surface and survey promise for that difference, m; None where the surface promises none."""
-        if self.height is None or not self.height.tested or self.height.sigma is None:
+        return self.predicted(self.height)
+
+    def difference(self, test: HeightTest | None) -> float | None:
+        """One of its heights minus survey, m; None where it was not tested."""
+        counted = test.counted if test else None
+        return None if counted is None else counted - self.surveyed[2]
+
+    def predicted(self, test: HeightTest | None) -> float | None:
+        """Standard error that this height and the survey promise for that difference, m; None where none is promised."""
+        if test is None or not test.tested or test.sigma is None:
             return None
-        return float((self.height.sigma**2 + self.sigma[2] ** 2) ** 0.5)
+        return float((test.sigma**2 + self.sigma[2] ** 2) ** 0.5)
 
     @property
     def place_difference(self) -> tuple[float, float] | None:

@@ -112,6 +112,25 @@ class PhotographsAbsent(_OfControl):
         return bool(self.lost)
 
 
+class ChecksUnmarked(_OfControl):
+    """Check points that are marked in no photograph: heights of products are tested at them, and nothing else."""
+
+    code: Literal["checks_unmarked"] = "checks_unmarked"
+    points: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        are, they = ("is", "It tests") if len(self.points) == 1 else ("are", "They test")
+        return (
+            f"{some_of(self.points)} {are} marked in no photograph. {they} the heights of the products, as under vegetation, but "
+            "neither the block nor the orthoimage."
+        )
+
+    @property
+    def grave(self) -> bool:
+        return False
+
+
 class TargetsNotFound(_OfControl):
     """Points of which no coded target was found in any photograph."""
 
@@ -391,6 +410,7 @@ ControlFinding = Annotated[
     | ControlElsewhere
     | HeightsAllZero
     | PhotographsAbsent
+    | ChecksUnmarked
     | TargetsNotFound
     | MeasurementsOfOriginals
     | MeasurementsReduced

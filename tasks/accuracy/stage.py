@@ -4,7 +4,12 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
-from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
+from orthomill.schemas.accuracy.adjustment_statement import (
+    ADJUSTMENT_STATEMENT,
+    EXTERIOR_PRECISION,
+    INTERIOR_CORRELATION,
+    SURVEYED_RELIABILITY,
+)
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS
 from orthomill.schemas.accuracy.promised_errors import RELIABILITY
 from orthomill.schemas.job import Export, Job, Table
@@ -19,7 +24,11 @@ _FILES: dict[str, Table] = {
     "reliability": RELIABILITY,
     "adjustment": ADJUSTMENT_STATEMENT,
 }
-_TABLES: dict[str, Table] = {"exterior_precision": EXTERIOR_PRECISION, "interior_correlation": INTERIOR_CORRELATION}
+_TABLES: dict[str, Table] = {
+    "exterior_precision": EXTERIOR_PRECISION,
+    "interior_correlation": INTERIOR_CORRELATION,
+    "surveyed_reliability": SURVEYED_RELIABILITY,
+}
 
 
 class AccuracyStage(Stage):

@@ -34,7 +34,7 @@ def point(name, place, role="check"):
 class View(MemoryProject):
     """A project whose workflow has the stages `stages`."""
 
-    stages: tuple[str, ...] = ("densification", "texture", "dsm_check")
+    stages: tuple[str, ...] = ("densification", "texture", "dsm_check", "terrain")
 
     @property
     def project(self):
@@ -71,12 +71,18 @@ def test_every_check_point_has_a_job_and_jobs_fit_their_functions():
     assert [job.row for job in jobs if job.item == "point"] == [0, 1]
     assert [misfit(job) for job in jobs if misfit(job)] == []
     first = jobs[0].reads
-    assert len(first["heights"]) == 3 and len(first["corrected"]) == 1 and len(first["ortho"]) == 1 and not first["photos"]
+    assert (
+        len(first["heights"]) == 4
+        and len(first["corrected"]) == 1
+        and len(first["terrain"]) == 2
+        and len(first["ortho"]) == 1
+        and not first["photos"]
+    )
 
 
 def test_products_that_are_not_made_are_not_read():
     (job, *_) = jobs_of(stages=())
-    assert not any(job.reads[name] for name in ("heights", "corrected", "ortho", "photos"))
+    assert not any(job.reads[name] for name in ("heights", "corrected", "terrain", "ortho", "photos"))
     (far, *_) = jobs_of(points=(point("far", (900.0, 900.0, 0.0)),))
     assert not far.reads["heights"] and not far.reads["ortho"]
 
@@ -142,9 +148,45 @@ def test_a_shifted_surface_is_named_and_its_promise_called_too_small():
     assert report.verdict.level == "poor"
 
 
+def test_one_point_that_is_far_off_is_named():
+    tests = made(count=20)
+    wrong = tests.points[3].model_copy(update={"surveyed": (*tests.points[3].surveyed[:2], 10.3)})
+    report = report_of(tests.model_copy(update={"points": (*tests.points[:3], wrong, *tests.points[4:])}))
+    (told,) = [warning for warning in report.warnings if "check point P3" in warning]
+    assert "the surface is -0.28 m off" in told and "while the others fit" in told and told in report.doubts
+
+
+def test_a_shift_that_the_datum_allows_is_told_and_no_doubt():
+    tests = made(up=0.1)
+    heights = (point.height.model_copy(update={"datum": 0.05}) for point in tests.points)
+    points = (point.model_copy(update={"height": height}) for point, height in zip(tests.points, heights, strict=True))
+    report = report_of(tests.model_copy(update={"points": tuple(points)}))
+    told = [warning for warning in report.warnings if "as a whole lies 0.1" in warning]
+    assert told and told[0] not in report.doubts
+
+
 def test_points_under_vegetation_are_stated_apart():
-    statement = statement_of(made(vegetated=True))
+    statement = statement_of(made(up=2.0, vegetated=True))
     assert statement.of("nva") is None and statement.of("vva").points == 8
+    assert not statement.named, "crowns are no shift of the whole"
+
+
+def test_under_vegetation_the_bare_ground_is_tested_and_not_the_crowns():
+    crowns = made(up=7.0, vegetated=True).points
+    ground = HeightTest(reason=TESTED, height=10.2, sigma=0.2, slope=0.0, step=0.01)
+    tests = PointTests(points=tuple(point.model_copy(update={"terrain": ground}) for point in crowns), area_km2=1.0)
+    statement = statement_of(tests)
+    assert statement.of("vva") is None and statement.of("vva_terrain").fit == pytest.approx(0.2)
+    assert "Vegetated Vertical Accuracy (VVA)" in statement.of("vva_terrain").sentence
+    kinds = {kind.kind for kind in reliability_of(tests, GroundResiduals()).kinds}
+    assert "bare ground under vegetation" in kinds and "surface at check points" not in kinds
+
+
+def test_bare_ground_on_open_places_tells_of_the_terrain():
+    ground = HeightTest(reason=TESTED, height=10.1, sigma=0.1, slope=0.0, step=0.01)
+    tests = PointTests(points=tuple(p.model_copy(update={"terrain": ground}) for p in made().points), area_km2=1.0)
+    evidence = {found.products: found.rmse for found in report_of(tests).evidence}
+    assert evidence[("products/terrain.tif",)] == pytest.approx(np.hypot(0.1, 0.02))
 
 
 def test_one_error_of_the_block_is_in_the_diagram():

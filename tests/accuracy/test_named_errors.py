@@ -41,3 +41,20 @@ def test_few_points_give_few_names(count):
     height = np.where(np.arange(20) < count, 5.0 + NOISE, nothing)
     found = named_errors(PLACES, height, np.full((20, 2), np.nan))
     assert all(error.kind == "shift_up" for error in found)
+
+
+def test_an_error_within_what_the_block_promises_is_told_and_no_reason_to_doubt():
+    (allowed,) = named_errors(PLACES, NOISE + 0.2, FLAT, promised=(0.1, 0.1))
+    assert allowed.is_promised and "which the standard error of the block's place (0.100 m) allows." in allowed.sentence
+    (beyond,) = named_errors(PLACES, NOISE + 0.2, FLAT, promised=(0.1, 0.02))
+    assert not beyond.is_promised and "9.9 times the standard error of the block's place (0.020 m)." in beyond.sentence
+    (unknown,) = named_errors(PLACES, NOISE + 0.2, FLAT)
+    assert not unknown.is_promised
+
+
+def test_what_an_error_does_at_the_points_is_compared_and_not_its_largest_value():
+    (tilt,) = named_errors(PLACES, NOISE + 0.3 * UNIT[:, 0], FLAT, promised=(None, 0.1))
+    assert tilt.displaced == pytest.approx(0.3 * UNIT[:, 0].std(), rel=0.1)
+    assert tilt.size > 2 * tilt.displaced and tilt.is_promised
+    (scale,) = named_errors(PLACES, NOISE, 1e-3 * (PLACES - PLACES.mean(axis=0)), promised=(0.5, None))
+    assert scale.displaced == pytest.approx(0.5 * np.sqrt((UNIT**2).sum(axis=1).mean()), rel=0.1) and scale.is_promised

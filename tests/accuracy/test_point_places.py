@@ -118,6 +118,20 @@ def test_a_point_is_found_where_the_orthoimage_shows_it(moved):
     assert 0.03 < found.sigma[0] < 0.15, "the marks' 0.3 px are 7 cm on the ground"
 
 
+def test_ground_that_resembles_the_point_little_is_not_taken_for_it():
+    """The patch lies in half of the window; the other half shows something else, as beside a wall."""
+    grid = GRID.model_copy(update={"cell": 0.25, "rows": 480, "cols": 480})
+    window = pixels_around(grid, X, Y).clipped(grid.shape)
+    image = ground(*np.meshgrid(*grid.centres(window)))
+    other = np.random.default_rng(2).integers(1, 255, image.shape)
+    image[:, image.shape[1] // 2 :] = other[:, image.shape[1] // 2 :]
+    view, pixels = photograph((0.0, 0.0, 0.0), (160, 160, 260))
+    mark = (*view.project(np.array([[X, Y, 10.0]]))[0], 0.3)
+    patch = MarkedPatch(view, mark, 0, Window(0, 0, 1200, 1200), pixels)
+    colours = np.dstack([image.astype(np.uint8)] * 3)
+    assert "not found" in place_in_orthoimage(OrthoPixels(grid, window, colours), (patch,), GroundPlane((X, Y, 10.0))).reason
+
+
 def test_another_picture_is_not_taken_for_the_point():
     grid = GRID.model_copy(update={"cell": 0.25, "rows": 480, "cols": 480})
     window = pixels_around(grid, X, Y).clipped(grid.shape)

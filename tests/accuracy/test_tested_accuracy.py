@@ -26,6 +26,7 @@ def test_horizontal_accuracy_is_radial():
 
 
 def test_too_few_points_have_the_wording_that_the_standard_prescribes():
+    assert "for an 8-cm" in wording("nva", 0.08, 30, 30) and "meet an 11-cm" in wording("nva", 0.11, 3, 30)
     few, many = wording("nva", 0.035, 29, 30), wording("horizontal", 0.035, 30, 30)
     assert "using ONLY 29 checkpoints" in few and "was produced to meet a 4-cm" in few and "NVA" in few
     assert "tested to meet" in many and "ONLY" not in many and many.endswith("RMSE_H = 3.5 cm.")

@@ -128,6 +128,7 @@ BLOCK_VALUES = {
 }
 CONTROL_VALUES = {
     "heights_not_transformed": {"crs": "EPSG:2100+5773"},
+    "checks_unmarked": {"points": ("V1", "V2")},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
     "targets_not_found": {"points": ("T1", "T2")},
     "heights_all_zero": {"points": 5, "freed": True},

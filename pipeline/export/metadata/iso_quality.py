@@ -17,6 +17,8 @@ _TESTED = {
     "horizontal": ("47", "root mean square error of planimetry", "in plan, of the orthoimage"),
     "nva": ("39", "root mean square error", "in height on open ground, of the surface"),
     "vva": ("39", "root mean square error", "in height under vegetation, of the surface"),
+    "nva_terrain": ("39", "root mean square error", "in height on open ground, of the bare ground"),
+    "vva_terrain": ("39", "root mean square error", "in height under vegetation, of the bare ground"),
     "three_dimensional": ("", "root mean square error in space", "in space, of surface and orthoimage"),
 }
 """number of ISO's measure where there is one, its name, of what"""

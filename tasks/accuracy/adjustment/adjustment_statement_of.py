@@ -11,14 +11,14 @@ import numpy as np
 
 from orthomill.schemas.accuracy.adjustment_statement import (
     AdjustmentStatement,
-    ControlReliability,
     ExteriorPrecision,
     InteriorCorrelation,
     InteriorStatement,
+    SurveyedReliabilities,
+    SurveyedReliability,
 )
 from orthomill.schemas.camera import INTERIOR, Camera
-from orthomill.schemas.observations import Control
-from orthomill.schemas.orientation import Block, GroundResidual, GroundResiduals
+from orthomill.schemas.orientation import Block, BlockPrecision, GroundResidual, GroundResiduals, LeverArm
 
 DELTA0 = 4.13
 _CHECKED = 1e-4
@@ -31,19 +31,36 @@ class StatedAdjustment(NamedTuple):
     statement: AdjustmentStatement
     exterior: ExteriorPrecision
     interior: InteriorCorrelation
+    surveyed: SurveyedReliabilities
 
 
-def state_adjustment(block: Block, ground: GroundResiduals, control: Control) -> StatedAdjustment:
+def state_adjustment(block: Block, ground: GroundResiduals, precision: BlockPrecision) -> StatedAdjustment:
     """All that an authority asks for beyond the figures of the block."""
     cameras = tuple(found for name, camera in sorted(block.cameras.items()) if (found := _interior(name, camera)))
-    sigmas = {point.name: point.sigma for point in control.points}
-    points = tuple(
-        one
-        for residual in ground.of_role("control")
-        if residual.name in sigmas
-        for one in _control(residual, sigmas[residual.name])
+    control, positions = ([one for row in ground.of_role(role) for one in _surveyed(row)] for role in ("control", "position"))
+    statement = AdjustmentStatement(
+        cameras=cameras,
+        groups=precision.groups,
+        control=tuple(control),
+        gnss_shift=precision.gnss_shift,
+        gnss_shift_sigma=precision.gnss_shift_sigma,
+        gnss_offsets=precision.offsets,
+        lever_arms=precision.lever_arms or _only_arm(precision),
     )
-    return StatedAdjustment(AdjustmentStatement(cameras=cameras, control=points), _exterior(block), _pairs(cameras))
+    return StatedAdjustment(statement, _exterior(block), _pairs(cameras), _columns({"control": control, "position": positions}))
+
+
+def _only_arm(precision: BlockPrecision) -> tuple[LeverArm, ...]:
+    if precision.lever_arm is None:
+        return ()
+    return (LeverArm(receiver="", value=precision.lever_arm, sigma=precision.lever_arm_sigma),)
+
+
+def _columns(of_kinds: dict[str, list[SurveyedReliability]]) -> SurveyedReliabilities:
+    every = [(kind, one) for kind, ones in of_kinds.items() for one in ones]
+    words = (np.array(column, str) for column in zip(*((k, o.point, o.axis) for k, o in every), strict=True))
+    numbers = np.array([(o.sigma, o.redundancy, o.detectable, o.effect) for _, o in every], np.float64).reshape(-1, 4)
+    return SurveyedReliabilities(*(words if every else (np.zeros(0, str),) * 3), *numbers.T)
 
 
 def correlations_of(covariance: np.ndarray) -> np.ndarray:
@@ -72,15 +89,15 @@ def _interior(name: str, camera: Camera) -> InteriorStatement | None:
     )
 
 
-def _control(residual: GroundResidual, sigma: tuple[float, float, float]) -> list[ControlReliability]:
-    if residual.redundancy is None:
+def _surveyed(residual: GroundResidual) -> list[SurveyedReliability]:
+    if residual.redundancy is None or residual.sigma is None:
         return []
     rows = []
-    for axis, own, share in zip("XYZ", sigma, residual.redundancy, strict=True):
+    for axis, own, share in zip("XYZ", residual.sigma, residual.redundancy, strict=True):
         found = DELTA0 * own / math.sqrt(share) if share > _CHECKED else None
         effect = None if found is None else (1 - share) * found
         rows.append(
-            ControlReliability(point=residual.name, axis=axis, sigma=own, redundancy=share, detectable=found, effect=effect)
+            SurveyedReliability(point=residual.name, axis=axis, sigma=own, redundancy=share, detectable=found, effect=effect)
         )
     return rows
 

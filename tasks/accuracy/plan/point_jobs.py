@@ -6,18 +6,24 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
-from orthomill.schemas.accuracy.adjustment_statement import ADJUSTMENT_STATEMENT, EXTERIOR_PRECISION, INTERIOR_CORRELATION
+from orthomill.schemas.accuracy.adjustment_statement import (
+    ADJUSTMENT_STATEMENT,
+    EXTERIOR_PRECISION,
+    INTERIOR_CORRELATION,
+    SURVEYED_RELIABILITY,
+)
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
 from orthomill.schemas.accuracy.promised_errors import PHOTOGRAPH_DIFFERENCES, RELIABILITY, PairDifferences, pair_differences_table
+from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_PRECISION
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Reading, Table
 from orthomill.schemas.memory import MIB, array_bytes
 from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, ControlPoint
-from orthomill.schemas.orientation import BLOCK, GROUND_RESIDUALS, Block
+from orthomill.schemas.orientation import BLOCK, BLOCK_PRECISION, GROUND_RESIDUALS, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
 from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, points_table
+from orthomill.schemas.surface import CORRECTED, DATUM_PRECISION, HEIGHT, ORTHO, PRECISION, PROVENANCE, SURFACE, points_table
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import state_adjustment
 from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
@@ -76,8 +82,13 @@ class PointJobs:
             stage="accuracy",
             item="adjustment",
             function=state_adjustment,
-            reads={"block": BLOCK, "ground": GROUND_RESIDUALS, "control": CONTROL},
-            writes={"statement": ADJUSTMENT_STATEMENT, "exterior": EXTERIOR_PRECISION, "interior": INTERIOR_CORRELATION},
+            reads={"block": BLOCK, "ground": GROUND_RESIDUALS, "precision": BLOCK_PRECISION},
+            writes={
+                "statement": ADJUSTMENT_STATEMENT,
+                "exterior": EXTERIOR_PRECISION,
+                "interior": INTERIOR_CORRELATION,
+                "surveyed": SURVEYED_RELIABILITY,
+            },
         )
         yield Job(
             stage="accuracy", item="statement", function=statement_of, reads={"tests": POINT_TESTS}, writes={"statement": STATEMENT}
@@ -138,11 +149,13 @@ class PointJobs:
     def _test(self, number: int, point: ControlPoint, table: Table) -> Job:
         place = self._place(point)
         heights, pixels = place.cells, place.pixels
-        own = (HEIGHT, PRECISION, PROVENANCE) if heights else ()
+        own = (HEIGHT, PRECISION, PROVENANCE, DATUM_PRECISION) if heights else ()
         checked = (CORRECTED,) if heights and self.view.has_stage("dsm_check") else ()
+        ground = (TERRAIN, TERRAIN_PRECISION) if heights and self.view.has_stage("terrain") else ()
         reads: dict[str, Reading] = {
             "heights": tuple(Raster(name, heights) for name in own if heights),
             "corrected": tuple(Raster(name, heights) for name in checked if heights),
+            "terrain": tuple(Raster(name, heights) for name in ground if heights),
             "ortho": (Raster(ORTHO, pixels),) if pixels else (),
             "photos": tuple(Raster(photo_raster(patch.photo, patch.level), patch.window) for patch in place.patches),
             "block": BLOCK,

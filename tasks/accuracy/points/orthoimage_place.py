@@ -28,6 +28,8 @@ SEARCH = 20
 _MARGIN = 4
 _ALIKE = 0.6
 """correlation from which a place may be the point's"""
+_VAGUE = 0.25
+"""pixels of the orthoimage: a match with a larger standard error is one of other ground, as beside walls, whose patches lean"""
 _DISAGREE = 4.0
 """standard errors by which a photograph may lie off the middle of the others before it is left out"""
 
@@ -113,7 +115,7 @@ def _mean(places: np.ndarray, variances: np.ndarray) -> PlaceTest:
     mean = (places[keep] * weight).sum(axis=0) / weight.sum(axis=0)
     variance = 1 / weight.sum(axis=0)
     count = int(keep.sum())
-    if count > 2:
+    if count > 1:
         # What the patches say of themselves, where they say more than their stated errors do.
         spread = ((places[keep] - mean) ** 2 * weight).sum(axis=0) / (count - 1)
         variance *= np.maximum(spread, 1.0)
@@ -156,10 +158,13 @@ def _found(ortho: OrthoPixels, patch: np.ndarray) -> tuple[np.ndarray | None, np
     match = match_points(patch, image, middle, start[None], settings)
     if match.outcome[0] != Outcome.CONVERGED:
         return none
+    sigma = np.sqrt(np.diagonal(match.covariance[0]))
+    if not (sigma <= _VAGUE).all():
+        return none
     col, row = match.col[0] + ortho.window.col, match.row[0] + ortho.window.row
     grid = ortho.grid
     place = np.array([grid.west + (col + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell])
-    return place, grid.cell * np.sqrt(np.diagonal(match.covariance[0]))
+    return place, grid.cell * sigma
 
 
 def _most_alike(image: np.ndarray, patch: np.ndarray) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from orthomill.schemas.orientation import Block, GroundResiduals
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.points.orthoimage_place import GroundPlane, MarkedPatch, OrthoPixels, place_in_orthoimage
 from orthomill.tasks.accuracy.points.point_patches import PatchPlace
-from orthomill.tasks.accuracy.points.surface_height import CellsAround, height_at
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, height_at
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.visibility.monoplotting import point_covariance
 
@@ -39,6 +39,7 @@ class PointRules:
 def point_beside_products(
     heights: tuple[np.ndarray, ...],
     corrected: tuple[np.ndarray, ...],
+    terrain: tuple[np.ndarray, ...],
     ortho: tuple[np.ndarray, ...],
     photos: tuple[np.ndarray, ...],
     block: Block,
@@ -49,24 +50,28 @@ def point_beside_products(
 ) -> PointTest:
     """One check point against everything that was made.
 
-    heights: height, precision and provenance at `place.cells`, or nothing; corrected: the heights after the check, or nothing;
-    ortho: colours at `place.pixels`, or nothing; photos: a patch for each of `place.patches`.
+    heights: height, precision, provenance and precision of the datum at `place.cells`, or nothing; corrected: the heights after the
+    check, or nothing; terrain: height and precision of the bare ground, or nothing; ortho: colours at `place.pixels`, or nothing;
+    photos: a patch for each of `place.patches`.
     """
-    x, y, _ = point.xyz
-    own, after = _heights(heights, place), _corrected(heights, corrected, place)
-    own_test = height_at(own, x, y, rules.steepest) if own else _outside(place.surface)
+    own_test = _height_at(_heights(heights, place), point, rules) or _outside(place.surface)
     residual = next((r for r in ground.of_role("check") if r.name == point.name), None)
     return PointTest(
         name=point.name,
         surveyed=point.xyz,
         sigma=point.sigma,
         vegetated=rules.vegetated,
-        height=own_test,
-        corrected=height_at(after, x, y, rules.steepest) if after else None,
+        height=beside_survey(own_test, point.sigma[2]),
+        corrected=_height_at(_corrected(heights, corrected, place), point, rules),
+        terrain=beside_survey(_height_at(_terrain(terrain, place), point, rules), point.sigma[2]),
         place=_place(ortho, photos, block, point, place, _height_sigma(own_test)),
         block=residual.difference if residual else None,
         block_predicted=residual.predicted if residual else None,
     )
+
+
+def _height_at(cells: CellsAround | None, point: ControlPoint, rules: PointRules) -> HeightTest | None:
+    return height_at(cells, *point.xyz[:2], rules.steepest) if cells else None
 
 
 def _height_sigma(test: HeightTest | None) -> float:
@@ -81,14 +86,20 @@ def _outside(grid: MapGrid | None) -> HeightTest | None:
 def _heights(heights: tuple[np.ndarray, ...], place: PointPlace) -> CellsAround | None:
     if not heights or place.surface is None or place.cells is None:
         return None
-    height, sigma, code = heights
-    return CellsAround(place.surface, place.cells, height, sigma, code)
+    return CellsAround(place.surface, place.cells, *heights)
+
+
+def _terrain(terrain: tuple[np.ndarray, ...], place: PointPlace) -> CellsAround | None:
+    if not terrain or place.surface is None or place.cells is None:
+        return None
+    # Bridged ground is what is tested under vegetation: its code is no reason to leave it out.
+    return CellsAround(place.surface, place.cells, *terrain)
 
 
 def _corrected(heights: tuple[np.ndarray, ...], corrected: tuple[np.ndarray, ...], place: PointPlace) -> CellsAround | None:
     if not corrected or not heights or place.surface is None or place.cells is None:
         return None
-    return CellsAround(place.surface, place.cells, corrected[0], heights[1], heights[2])
+    return CellsAround(place.surface, place.cells, corrected[0], *heights[1:])
 
 
 def _place(

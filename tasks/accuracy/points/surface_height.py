@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.accuracy.point_tests import TESTED, HeightTest
+from orthomill.schemas.accuracy.point_tests import TESTED, WITHOUT_HEIGHT, HeightTest
+from orthomill.schemas.observations import NO_HEIGHT
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
 
@@ -33,6 +34,8 @@ class CellsAround:
     height: np.ndarray
     sigma: np.ndarray
     code: np.ndarray | None = None
+    datum: np.ndarray | None = None
+    """the part of the standard errors that is the place of the block, m; None: not known"""
 
 
 def cells_around(grid: MapGrid, x: float, y: float) -> Window:
@@ -54,12 +57,25 @@ def height_at(cells: CellsAround, x: float, y: float, steepest: float) -> Height
     if not np.isfinite(values).all():
         return HeightTest(reason="the surface has no height here")
     height, stated = float((weight * values).sum()), float((weight * cells.sigma[between]).sum())
-    sigma = stated if np.isfinite(stated) else None
+    sigma, datum = (stated if np.isfinite(stated) else None), _shared(cells, between, weight)
     plane = _ground_plane(cells, x, y)
     if plane is None:
-        return HeightTest(reason="beside a hole of the surface", height=height, sigma=sigma)
+        return HeightTest(reason="beside a hole of the surface", height=height, sigma=sigma, datum=datum)
     slope, step = plane
-    return HeightTest(reason=_reason(cells, slope, step, steepest), height=height, sigma=sigma, slope=slope, step=step)
+    reason = _reason(cells, slope, step, steepest)
+    return HeightTest(reason=reason, height=height, sigma=sigma, datum=datum, slope=slope, step=step)
+
+
+def beside_survey(test: HeightTest | None, sigma_z: float) -> HeightTest | None:
+    """The test of a height at a point surveyed with a standard error (m) in height; untested where that says it has none."""
+    return test.model_copy(update={"reason": WITHOUT_HEIGHT}) if test and test.tested and sigma_z >= NO_HEIGHT else test
+
+
+def _shared(cells: CellsAround, between: tuple[slice, slice], weight: np.ndarray) -> float | None:
+    if cells.datum is None:
+        return None
+    found = float((weight * cells.datum[between]).sum())
+    return found if np.isfinite(found) else None
 
 
 def _four(cells: CellsAround, x: float, y: float) -> tuple[tuple[slice, slice] | None, np.ndarray]:

@@ -9,7 +9,7 @@ Source of the interval: Wilson 1927. Leave-one-out and residuals: Baarda 1968; C
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -43,9 +43,9 @@ def reliability_of(
     photographs: PhotographDifferences | None = None,
 ) -> Reliability:
     """The kinds of which a project has observations."""
-    heights = [[(p.height_difference, p.height_predicted)] for p in tests.points if p.height_difference is not None]
     places = [_pairs(p.place_difference, p.place_predicted) for p in tests.points if p.place_difference and p.place_predicted]
-    found = [kept("surface at check points", True, heights), kept("orthoimage at check points", True, places)]
+    found = [kept(words, True, heights) for words, heights in _heights(tests)]
+    found.append(kept("orthoimage at check points", True, places))
     for role, words, independent in _ROLES:
         found.append(kept(words, independent, [_of_residual(r) for r in ground.of_role(role)]))
     lengths = [[(d.difference, d.predicted)] for d in ground.distances]
@@ -55,6 +55,14 @@ def reliability_of(
     if photographs is not None:
         found += [kept(words, False, _groups(photographs, kind)) for kind, words in enumerate(_OF_PHOTOGRAPHS)]
     return Reliability(kinds=tuple(kind for kind in found if kind is not None))
+
+
+def _heights(tests: PointTests) -> Iterator[tuple[str, list[list[tuple[float | None, float | None]]]]]:
+    """Under vegetation a surface shows crowns: of the ground there it promises nothing."""
+    open_ground, under = ([p for p in tests.points if p.vegetated == vegetated] for vegetated in (False, True))
+    yield "surface at check points", [[(p.difference(p.height), p.predicted(p.height))] for p in open_ground]
+    yield "bare ground at check points", [[(p.difference(p.terrain), p.predicted(p.terrain))] for p in open_ground]
+    yield "bare ground under vegetation", [[(p.difference(p.terrain), p.predicted(p.terrain))] for p in under]
 
 
 def _groups(found: PhotographDifferences, kind: int) -> list[list[tuple[float | None, float | None]]]:

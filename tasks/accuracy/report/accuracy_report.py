@@ -20,24 +20,32 @@ _WORDS: dict[AccuracyKind, str] = {
     "horizontal": "in plan (orthoimage)",
     "nva": "in height (surface, open ground)",
     "vva": "in height (surface, under vegetation)",
+    "nva_terrain": "in height (bare ground, open)",
+    "vva_terrain": "in height (bare ground under vegetation)",
     "three_dimensional": "in space",
 }
 _PRODUCTS: dict[AccuracyKind, tuple[Accuracy, tuple[str, ...]]] = {
     "horizontal": ("plan", ("products/ortho.tif",)),
     "nva": ("height", ("products/dsm.tif",)),
+    "nva_terrain": ("height", ("products/terrain.tif",)),
 }
 _FILES = (
     Product(path="products/accuracy.json", purpose="What is stated of the accuracy, with its evidence"),
     Product(path="products/accuracy_points.json", purpose="The products at each check point"),
     Product(path="products/reliability.json", purpose="Promised errors beside what independent observations found"),
-    Product(path="products/adjustment.json", purpose="Correlations of the cameras and reliability of the control"),
+    Product(path="products/adjustment.json", purpose="Cameras with correlations, variance components, reliability, receivers"),
     Product(path="products/exterior_precision.csv", purpose="Standard errors and correlations of every exterior orientation"),
     Product(path="products/interior_correlation.csv", purpose="Correlations of the interior parameters"),
+    Product(
+        path="products/surveyed_reliability.csv", purpose="Smallest errors found of control and GNSS positions, and their effect"
+    ),
 )
 NOTHING = (
     "Nothing is proved: {why}. What is stated is the precision that the adjustment promises, and how well "
     "photographs and surface agree; errors that both share are in neither."
 )
+ALONE = 4.0
+"""Promised standard errors by which a single point is told to differ."""
 REALISTIC = 2.0
 """Differences this many times their promised standard errors contradict the promise."""
 
@@ -114,6 +122,7 @@ def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
             ("measuring", figure.measuring and round(figure.measuring, 4), "m", "Of these, what measuring the places may be."),
             ("mean", round(figure.mean, 4), "m", "Mean difference: what all share."),
             ("nmad", figure.robust and round(figure.robust, 4), "m", "Robust spread of the differences."),
+            ("at_68", figure.at_68 and round(figure.at_68, 4), "m", "68.3 % of the differences are no larger (counted)."),
             ("at_90", round(figure.at_90, 4), "m", "90 % of the differences are no larger (LE90, CE90, counted)."),
             ("at_95", round(figure.at_95, 4), "m", "95 % of the differences are no larger (counted)."),
             ("by_promised", figure.promised and round(figure.promised, 2), "", "Differences in units of their promised errors."),
@@ -139,6 +148,7 @@ def _grids(tests: PointTests, statement: AccuracyStatement) -> Iterator[Grid]:
             "dZ (m)",
             "promised Z (m)",
             "dZ checked (m)",
+            "dZ ground (m)",
             "block dX",
             "dY",
             "dZ",
@@ -153,18 +163,26 @@ def _row(test: PointTest) -> tuple[float | int | str | None, ...]:
     sigma = max(test.place.sigma) if plan and test.place and test.place.sigma else None
     corrected = test.corrected.counted if test.corrected else None
     checked = None if corrected is None else corrected - test.surveyed[2]
-    notes = [_why_not(test.height, test.surveyed[2])] if test.height and not test.height.tested else []
+    notes = ["under vegetation"] if test.vegetated else []
+    notes += [_why_not(test.height, test.surveyed[2])] if test.height and not test.height.tested else []
+    notes += [f"ground: {test.terrain.reason}"] if test.terrain and not test.terrain.tested else []
     notes += [f"place: {test.place.reason}"] if test.place and not test.place.tested else []
-    values = (*(plan or (None, None)), sigma, test.height_difference, test.height_predicted, checked, *block)
+    values = (
+        *(plan or (None, None)),
+        sigma,
+        test.height_difference,
+        test.height_predicted,
+        checked,
+        test.difference(test.terrain),
+        *block,
+    )
     return (test.name, *(None if v is None else round(v, 4) for v in values), "; ".join(notes))
 
 
 def _doubts(statement: AccuracyStatement, warnings: tuple[str, ...]) -> Iterator[str]:
     """Warnings without the shared errors that are within what was promised: those are noticed, and no reason to doubt."""
-    within = [figure.promised for figure in statement.figures if figure.promised is not None]
-    expected = bool(within) and max(within) <= REALISTIC
-    named = {error.sentence for error in statement.named}
-    yield from (sentence for sentence in warnings if not (expected and sentence in named))
+    promised = {error.sentence for error in statement.named if error.is_promised}
+    yield from (sentence for sentence in warnings if sentence not in promised)
 
 
 def _why_not(height: HeightTest, surveyed: float) -> str:
@@ -181,12 +199,28 @@ def _warnings(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
                 f"Differences {_WORDS[figure.kind]} are {figure.promised:.1f} times what was promised for them: the "
                 "stated standard errors are too small here, by that factor."
             )
-    rough = sum(bool(test.height and "edge" in test.height.reason) for test in tests.points)
+    yield from _single(tests, statement)
+    rough = sum(bool(test.height and "edge" in test.height.reason) for test in tests.points if not test.vegetated)
     if rough > max(1, len(tests.points) / 3):
         yield (
             f"At {rough} of {len(tests.points)} check points the surface is no plane within three cells, so that its height is not "
             "tested there: points beside edges, or a surface rougher than it states. Look at them in the table."
         )
+
+
+def _single(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
+    """Points that differ far more than promised where all together do not: errors of the survey, or of one place of a product."""
+    for point in tests.points:
+        height, words = (point.terrain, "bare ground") if point.vegetated else (point.height, "surface")
+        figure = statement.of("vva_terrain" if point.vegetated else "nva")
+        difference, promised = point.difference(height), point.predicted(height)
+        if difference is None or not promised or figure is None or not figure.promised or figure.promised > REALISTIC:
+            continue
+        if abs(difference) > ALONE * promised:
+            yield (
+                f"At check point {point.name} the {words} is {difference:+.2f} m off, {abs(difference) / promised:.1f} times what "
+                "is promised there, while the others fit: look at its height in the survey, and at the place. It is counted."
+            )
 
 
 def _points(count: int) -> str:

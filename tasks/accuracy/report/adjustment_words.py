@@ -77,7 +77,8 @@ def adjustment_grids(adjustment: AdjustmentStatement) -> Iterator[Grid]:
             for c in adjustment.control
         ),
         note="Smallest error found: 4.13 sigma / sqrt(r), by a test at 0.1 % with 80 % probability (Baarda). Its effect: (1 - r) "
-        "times that on the adjusted coordinate of the point.",
+        "times that on the adjusted coordinate of the point. GNSS positions: products/surveyed_reliability.csv; groups of "
+        "observations: the table of the orientation, and products/adjustment.json.",
     )
 
 

@@ -21,12 +21,18 @@ _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "
 class _ErrorFit:
     """Parameters with their covariance, and the value of Student's t beyond which one is no chance."""
 
+    design: np.ndarray
+    points: int
     value: np.ndarray
     covariance: np.ndarray
     limit: float
 
     def sigma(self, parts: list[int]) -> float:
         return math.sqrt(max(float(np.trace(self.covariance[np.ix_(parts, parts)])), 0.0))
+
+    def displaced(self, parts: list[int]) -> float:
+        """Root mean square, m, over the points of what these parameters do there, in all coordinates."""
+        return math.sqrt(float(((self.design[:, parts] @ self.value[parts]) ** 2).sum()) / self.points)
 
     def sure(self, parts: list[int]) -> bool:
         value, covariance = self.value[parts], self.covariance[np.ix_(parts, parts)]
@@ -36,25 +42,43 @@ class _ErrorFit:
 
 
 def named_errors(
-    places: np.ndarray, height: np.ndarray, plan: np.ndarray, survey: tuple[float, float] = (0.0, 0.0)
+    places: np.ndarray,
+    height: np.ndarray,
+    plan: np.ndarray,
+    survey: tuple[float, float] = (0.0, 0.0),
+    promised: tuple[float | None, float | None] = (None, None),
 ) -> tuple[NamedError, ...]:
     """What the differences share, the largest first.
 
     places (N, 2) X, Y m; height (N,) and plan (N, 2) differences m, NaN where they were not tested; survey: standard errors of the
-    survey in a plan coordinate and in height, m: the differences scatter by chance no less than that.
+    survey in a plan coordinate and in height, m: the differences scatter by chance no less than that; promised: standard errors, m,
+    of the place of the block at the points, in plan (radial) and in height, with which each error is compared.
     """
-    found = [*_of_heights(places, height, survey[1]), *_of_plan(places, plan, survey[0])]
+    in_plan, in_height = promised
+    found = [_compared(error, in_height) for error in _of_heights(places, height, survey[1])]
+    found += [_compared(error, in_plan) for error in _of_plan(places, plan, survey[0])]
     return tuple(sorted(found, key=lambda error: -error.size))
 
 
-def _fitted(design: np.ndarray, observed: np.ndarray, survey: float) -> _ErrorFit | None:
+def _compared(error: NamedError, promised: float | None) -> NamedError:
+    """With what the block promises of its place, and a sentence that says whether it may be so."""
+    if promised is None:
+        return error
+    known = error.model_copy(update={"promised": promised})
+    times = f"{error.displaced / max(promised, 1e-9):.2g} times the standard error of the block's place ({promised:.3f} m)"
+    allowed = f"which the standard error of the block's place ({promised:.3f} m) allows"
+    return known.model_copy(update={"sentence": f"{error.sentence[:-1]}, {allowed if known.is_promised else times}."})
+
+
+def _fitted(design: np.ndarray, observed: np.ndarray, survey: float, coordinates: int = 1) -> _ErrorFit | None:
     freedom = len(observed) - design.shape[1]
     if freedom < 2 or np.linalg.matrix_rank(design) < design.shape[1]:
         return None
     value = np.linalg.lstsq(design, observed, rcond=None)[0]
     noise = float(((observed - design @ value) ** 2).sum()) / freedom
     # A noise of nothing would make every rounding error sure.
-    return _ErrorFit(value, max(noise, survey**2, 1e-12) * np.linalg.inv(design.T @ design), float(stdtrit(freedom, _SURE)))
+    covariance = max(noise, survey**2, 1e-12) * np.linalg.inv(design.T @ design)
+    return _ErrorFit(design, len(design) // coordinates, value, covariance, float(stdtrit(freedom, _SURE)))
 
 
 def _about_middle(places: np.ndarray) -> tuple[np.ndarray, float]:
@@ -78,17 +102,17 @@ def _of_heights(places: np.ndarray, height: np.ndarray, survey: float) -> list[N
     found = []
     if fit.sure([0]):
         side = "high" if fit.value[0] > 0 else "low"
-        found.append(_error("shift_up", abs(fit.value[0]), fit.sigma([0]), f"The surface as a whole lies {{size}} too {side}"))
+        found.append(_error("shift_up", fit, [0], f"The surface as a whole lies {{size}} too {side}"))
     if len(fit.value) > 2 and fit.sure([1, 2]):
         size = 2 * math.hypot(fit.value[1], fit.value[2])
         way = _COMPASS[round(math.atan2(fit.value[2], fit.value[1]) / (math.pi / 4)) % 8]
         words = (
             f"The surface is tilted: it rises by {{size}} towards the {way} across the points ({500 * size / reach:.2g} m per km)"
         )
-        found.append(_error("tilt", size, 2 * fit.sigma([1, 2]), words))
+        found.append(_error("tilt", fit, [1, 2], words))
     if bent and bent.sure([3]):
         shape = "bowl-shaped: its middle lies {size} too low" if bent.value[3] > 0 else "domed: its middle lies {size} too high"
-        found.append(_error("dome", abs(bent.value[3]), bent.sigma([3]), f"The surface is {shape} against its edges"))
+        found.append(_error("dome", bent, [3], f"The surface is {shape} against its edges"))
     return found
 
 
@@ -100,29 +124,36 @@ def _of_plan(places: np.ndarray, plan: np.ndarray, survey: float) -> list[NamedE
     one, none = np.ones(len(d)), np.zeros(len(d))
     east = np.column_stack([one, none, unit[:, 0], -unit[:, 1]])
     north = np.column_stack([none, one, unit[:, 1], unit[:, 0]])
-    fit = _fitted(np.concatenate([east, north]), np.concatenate([d[:, 0], d[:, 1]]), survey)
+    fit = _fitted(np.concatenate([east, north]), np.concatenate([d[:, 0], d[:, 1]]), survey, 2)
     if fit is None:
         return []
     found = []
     if fit.sure([0, 1]):
         way = _COMPASS[round(math.atan2(fit.value[1], fit.value[0]) / (math.pi / 4)) % 8]
-        size = math.hypot(fit.value[0], fit.value[1])
-        found.append(_error("shift_plan", size, fit.sigma([0, 1]), f"The whole is shifted {{size}} towards the {way}"))
+        found.append(_error("shift_plan", fit, [0, 1], f"The whole is shifted {{size}} towards the {way}"))
     if fit.sure([2]):
         large = "large" if fit.value[2] > 0 else "small"
         ppm = 1e6 * abs(fit.value[2]) / reach
         words = f"The scale is wrong: everything is {ppm:.3g} millionths too {large}, {{size}} at the farthest point"
-        found.append(_error("scale", abs(fit.value[2]), fit.sigma([2]), words))
+        found.append(_error("scale", fit, [2], words))
     if fit.sure([3]):
         turn = "counter-clockwise" if fit.value[3] > 0 else "clockwise"
         degrees = math.degrees(abs(fit.value[3]) / reach)
         words = f"The whole is turned {turn} by {degrees:.2g} degrees, {{size}} at the farthest point"
-        found.append(_error("turn", abs(fit.value[3]), fit.sigma([3]), words))
+        found.append(_error("turn", fit, [3], words))
     return found
 
 
-def _error(kind: str, size: float, sigma: float, words: str) -> NamedError:
+def _error(kind: str, fit: _ErrorFit, parts: list[int], words: str) -> NamedError:
+    # A tilt is told as the rise from one side of the points to the other, both ends together.
+    ends = 2 if kind == "tilt" else 1
+    size, sigma = ends * float(np.linalg.norm(fit.value[parts])), ends * fit.sigma(parts)
     value = f"{size:.3f} m (standard error {sigma:.3f} m)" if size < 1 else f"{size:.2f} m (standard error {sigma:.2f} m)"
-    return NamedError.model_validate(
-        {"kind": kind, "size": float(size), "sigma": float(sigma), "sentence": words.format(size=value) + "."}
-    )
+    told = {
+        "kind": kind,
+        "size": size,
+        "sigma": sigma,
+        "displaced": fit.displaced(parts),
+        "sentence": words.format(size=value) + ".",
+    }
+    return NamedError.model_validate(told)

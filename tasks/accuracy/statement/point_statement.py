@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyStatement, NamedError
-from orthomill.schemas.accuracy.point_tests import PointTest, PointTests
+from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement, NamedError
+from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
 from orthomill.tasks.accuracy.statement.named_errors import named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 
@@ -18,7 +18,7 @@ def collect_tests(tests: tuple[PointTest, ...], area_km2: float) -> PointTests:
 
 def statement_of(tests: PointTests) -> AccuracyStatement:
     """Figures of all kinds, shared errors by name, and what was not tested."""
-    figures = tuple(filter(None, (_horizontal(tests), _vertical(tests, False), _vertical(tests, True), _space(tests))))
+    figures = tuple(filter(None, (_horizontal(tests), *_heights(tests), _space(tests))))
     return AccuracyStatement(
         figures=figures,
         named=_named(tests.points),
@@ -37,12 +37,21 @@ def _horizontal(tests: PointTests) -> AccuracyFigure | None:
     return found and found.model_copy(update={"measuring": float(np.sqrt((places**2).sum(axis=1).mean()))})
 
 
-def _vertical(tests: PointTests, vegetated: bool) -> AccuracyFigure | None:
-    points = [p for p in tests.points if p.height_difference is not None and p.vegetated == vegetated]
-    difference, survey = np.array([[p.height_difference] for p in points]), np.array([p.sigma[2:] for p in points])
-    predicted = [p.height_predicted for p in points]
-    promised = np.array(predicted)[:, None] if predicted and all(p is not None for p in predicted) else None
-    return accuracy_of("vva" if vegetated else "nva", difference, survey, promised, tests.area_km2)
+def _heights(tests: PointTests) -> Iterator[AccuracyFigure | None]:
+    """Of the surface and of the bare ground. A surface shows crowns: under vegetation it is tested only where no ground is made."""
+    open_ground, under = ([p for p in tests.points if p.vegetated == vegetated] for vegetated in (False, True))
+    yield _vertical("nva", [(p, p.height) for p in open_ground], tests.area_km2)
+    yield _vertical("vva", [(p, p.height) for p in under if not p.terrain], tests.area_km2)
+    yield _vertical("nva_terrain", [(p, p.terrain) for p in open_ground], tests.area_km2)
+    yield _vertical("vva_terrain", [(p, p.terrain) for p in under], tests.area_km2)
+
+
+def _vertical(kind: AccuracyKind, heights: list[tuple[PointTest, HeightTest | None]], area_km2: float) -> AccuracyFigure | None:
+    tested = [(point, height) for point, height in heights if point.difference(height) is not None]
+    difference = np.array([[point.difference(height)] for point, height in tested])
+    predicted = [point.predicted(height) for point, height in tested]
+    promised = np.array(predicted)[:, None] if predicted and None not in predicted else None
+    return accuracy_of(kind, difference, np.array([point.sigma[2:] for point, _ in tested]), promised, area_km2)
 
 
 def _space(tests: PointTests) -> AccuracyFigure | None:
@@ -55,16 +64,32 @@ def _named(points: tuple[PointTest, ...]) -> tuple[NamedError, ...]:
     if not points:
         return ()
     places = np.array([p.surveyed[:2] for p in points]).reshape(-1, 2)
-    height = np.array([math.nan if p.height_difference is None else p.height_difference for p in points])
+    # Under vegetation a surface shows crowns: their height is no error that the whole has.
+    open_ground = [None if p.vegetated else p.height_difference for p in points]
+    height = np.array([math.nan if difference is None else difference for difference in open_ground])
     plan = np.array([p.place_difference or (math.nan, math.nan) for p in points]).reshape(-1, 2)
     sigma = np.array([p.sigma for p in points]).reshape(-1, 3)
     survey = float(np.sqrt((sigma[:, :2] ** 2).mean())), float(np.sqrt((sigma[:, 2] ** 2).mean()))
-    return named_errors(places, height, plan, survey)
+    return named_errors(places, height, plan, survey, (_promised_place(points), _promised_datum(points)))
+
+
+def _promised_place(points: tuple[PointTest, ...]) -> float | None:
+    """Standard error (radial, m) that is promised for places in the orthoimage, over all points; None where one has none."""
+    known = [p.place.promised if p.place else None for p in points if p.place_difference is not None]
+    return float(np.sqrt((np.array(known) ** 2).sum(axis=1).mean())) if known and None not in known else None
+
+
+def _promised_datum(points: tuple[PointTest, ...]) -> float | None:
+    """Standard error (m) that the surface states for what its heights share; None where it states none."""
+    known = [p.height.datum if p.height else None for p in points if p.height_difference is not None and not p.vegetated]
+    return float(np.sqrt((np.array(known) ** 2).mean())) if known and None not in known else None
 
 
 def _untested(points: tuple[PointTest, ...]) -> Iterator[tuple[str, str]]:
     for point in points:
         if point.height and not point.height.tested:
             yield point.name, f"height: {point.height.reason}"
+        if point.terrain and not point.terrain.tested:
+            yield point.name, f"ground: {point.terrain.reason}"
         if point.place and not point.place.tested:
             yield point.name, f"place: {point.place.reason}"

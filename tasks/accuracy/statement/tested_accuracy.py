@@ -13,22 +13,25 @@ import math
 import numpy as np
 from scipy.special import gammaincinv
 
-from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, class_of
+from orthomill.schemas.accuracy.accuracy_statement import HEIGHTS, AccuracyFigure, AccuracyKind, class_of
 
 LEAST, MOST = 30, 120
 """check points of a formal statement: at least so many, and no more for any area"""
 CONFIDENCE = 0.95
 _STANDARD = "ASPRS Positional Accuracy Standards for Digital Geospatial Data, Edition 2"
+_NVA = "The Non-Vegetated Vertical Accuracy (NVA) was found to be RMSE_V"
+_VVA = "The Vegetated Vertical Accuracy (VVA) was found to be RMSE_V"
 _CLASSES: dict[AccuracyKind, str] = {
     "horizontal": "RMSE_H Horizontal Positional Accuracy Class",
-    "nva": "RMSE_V Vertical Accuracy Class",
-    "vva": "RMSE_V Vertical Accuracy Class",
+    **dict.fromkeys(HEIGHTS, "RMSE_V Vertical Accuracy Class"),
     "three_dimensional": "RMSE_3D Three-Dimensional Positional Accuracy Class",
 }
 _FOUND: dict[AccuracyKind, str] = {
     "horizontal": "The tested horizontal positional accuracy was found to be RMSE_H",
-    "nva": "The Non-Vegetated Vertical Accuracy (NVA) was found to be RMSE_V",
-    "vva": "The Vegetated Vertical Accuracy (VVA) was found to be RMSE_V",
+    "nva": _NVA,
+    "vva": _VVA,
+    "nva_terrain": _NVA,
+    "vva_terrain": _VVA,
     "three_dimensional": "The tested three-dimensional accuracy was found to be RMSE_3D",
 }
 
@@ -53,7 +56,7 @@ def accuracy_of(
     rmse = math.hypot(fit, known)
     low, high = (math.hypot(bound, known) for bound in interval(difference))
     needed, lengths = points_needed(area_km2), np.sqrt(squares)
-    height = kind in ("nva", "vva")
+    height = kind in HEIGHTS
     middle = np.median(difference[:, 0])
     ratio = None if promised is None else float(np.sqrt(((difference / np.maximum(promised, 1e-9)) ** 2).mean()))
     return AccuracyFigure(
@@ -67,6 +70,7 @@ def accuracy_of(
         high=high if math.isfinite(high) else None,
         mean=float(difference[:, 0].mean()) if height else float(np.linalg.norm(difference.mean(axis=0))),
         robust=float(1.4826 * np.median(np.abs(difference[:, 0] - middle))) if height else None,
+        at_68=float(np.quantile(lengths, 0.6827, method="higher")),
         at_90=float(np.quantile(lengths, 0.9, method="higher")),
         at_95=float(np.quantile(lengths, 0.95, method="higher")),
         promised=ratio,
@@ -101,10 +105,15 @@ def wording(kind: AccuracyKind, rmse: float, points: int, needed: int) -> str:
     """The sentence that the standard prescribes, with the values; another one where there are fewer points than it calls for."""
     class_, found = class_of(rmse), f"{_FOUND[kind]} = {100 * rmse:.1f} cm"
     if points >= needed:
-        return f"This data set was tested to meet {_STANDARD} for a {class_}-cm {_CLASSES[kind]}. {found}."
+        return f"This data set was tested to meet {_STANDARD} for {_article(class_)} {class_}-cm {_CLASSES[kind]}. {found}."
     called = "thirty (30)" if needed == LEAST else str(needed)
     return (
         f"This data set was tested as required by {_STANDARD}. Although the Standards call for a minimum of {called} checkpoints, "
-        f"this test was performed using ONLY {points} checkpoint{'' if points == 1 else 's'}. This data set was produced to meet a "
-        f"{class_}-cm {_CLASSES[kind]}. {found} using the reduced number of checkpoints."
+        f"this test was performed using ONLY {points} checkpoint{'' if points == 1 else 's'}. This data set was produced to meet "
+        f"{_article(class_)} {class_}-cm {_CLASSES[kind]}. {found} using the reduced number of checkpoints."
     )
+
+
+def _article(class_: int) -> str:
+    """Eight, eleven, eighteen and eighty begin with a vowel."""
+    return "an" if str(class_).startswith("8") or class_ in (11, 18) else "a"

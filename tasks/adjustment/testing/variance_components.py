@@ -41,7 +41,7 @@ def estimated_factors(result: Adjustment) -> tuple[Factors, tuple[Group, ...]]:
         Group(ObservationKind.TIES, 2 * int(ties.sum()), redundancy, new.image),
         Group(ObservationKind.POINTINGS, 2 * int(pointings.sum()), shares[0][1], pointing),
         *positions,
-        Group(ObservationKind.CONTROL, _known(_seen_control(result)), shares[1][1], control),
+        Group(ObservationKind.CONTROL, _known(seen_control(result)), shares[1][1], control),
         Group(ObservationKind.DISTANCES, _known(result.network.distances.weight), shares[2][1], distance),
     )
     return new, tuple(group for group in groups if group.count)
@@ -121,13 +121,13 @@ def _square_beyond(residual: np.ndarray, moved: np.ndarray) -> float:
 
 def _control_share(result: Adjustment) -> tuple[float, float]:
     """Weighted square sum and redundancy of the coordinates of the control points."""
-    weight = _seen_control(result)
+    weight = seen_control(result)
     variance = np.diagonal(result.point_covariance, axis1=1, axis2=2)
     square = (weight * (result.network.point - result.state.point) ** 2).sum()
     return float(square), float((1.0 - weight * variance)[weight > 0].sum())
 
 
-def _seen_control(result: Adjustment) -> np.ndarray:
+def seen_control(result: Adjustment) -> np.ndarray:
     """(N, 3) the weights of the control; 0 for points without rays, whose coordinates nothing checks and which check nothing."""
     network = result.network
     seen = np.bincount(result.rays.point[result.used], minlength=len(network.point)) > 0

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import zip_longest
 
 from orthomill.schemas.errors import WorkflowError, first_of
-from orthomill.schemas.findings.control_findings import ControlRead
+from orthomill.schemas.findings.control_findings import ChecksUnmarked, ControlRead
 from orthomill.schemas.observations import Control, ControlPoint, Distance
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.survey_files.photograph_names import PhotographNames
@@ -182,20 +182,21 @@ def _measured(
     if not mistakes and (mistake := skipped.mistake(points_of)):
         mistakes.append(mistake)
     # A point whose only measurement is wrong has its sentence already.
-    answered = " ".join(mistakes)
+    answered, unmarked = " ".join(mistakes), [name for name in known if not measured[name] and name not in lost]
+    checks = tuple(name for name in unmarked if known[name].role == "check")
     mistakes += [
         f"Control point {name} is measured in no photograph; measure it in two or more, or leave it out."
-        for name in known
-        if not measured[name] and name not in lost and f"point {name} " not in answered
+        for name in unmarked
+        if name not in checks and f"point {name} " not in answered
     ]
     lengths = () if distances is None else tuple(read_distances(distances, points_of, lost, mistakes))
     if mistakes:
         raise WorkflowError(first_of(mistakes))
-    finding = skipped.finding(points_of)
+    findings = (skipped.finding(points_of), ChecksUnmarked(points=checks) if checks else None)
     return Control(
         points=tuple(point for name, point in points_of.items() if name not in lost),
         distances=lengths,
-        findings=(finding,) if finding else (),
+        findings=tuple(finding for finding in findings if finding),
     )
 
 

@@ -18,14 +18,12 @@ from orthomill.schemas.findings.control_findings import (
     HeightsOfTwoSystems,
     HeightsUnknown,
 )
-from orthomill.schemas.observations import ControlPoint
+from orthomill.schemas.observations import NO_HEIGHT, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS
 from orthomill.schemas.survey_files.written_numbers import STAND_INS
 from orthomill.tasks.geometry.survey_system import ellipsoidal, height_unit, survey_crs, transform_surveyed, vertical_name
 
-FREE = 300.0
-"""m: standard error of a height that is unknown; its pull on the block stays below a hundredth of that of any receiver"""
 _ENOUGH_HEIGHTS = 3
 """Points that are all at the height 0 by more than chance"""
 _HIGH = 20.0
@@ -103,7 +101,7 @@ def _at_zero(point: ControlPoint) -> ControlPoint:
 
 def _free(point: ControlPoint, height: float) -> ControlPoint:
     (x, y, _), (sx, sy, _) = point.xyz, point.sigma
-    return point.model_copy(update={"xyz": (x, y, height), "sigma": (sx, sy, FREE)})
+    return point.model_copy(update={"xyz": (x, y, height), "sigma": (sx, sy, NO_HEIGHT)})
 
 
 def about_feet(xyz: np.ndarray, system: str, photos: Photos) -> list[ControlFinding]:

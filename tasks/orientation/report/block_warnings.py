@@ -91,7 +91,9 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
         return
     yield from _one_sided(facts)
     compared = {row.name: row for row in facts.ground.points}
-    yield from (_unused(point) for point in surveyed if not _took_part(compared.get(point.name)))
+    # Check points without a mark have their own sentence.
+    marked = [point for point in surveyed if point.measurements or point.role != "check"]
+    yield from (_unused(point) for point in marked if not _took_part(compared.get(point.name)))
     yield from _doubtful_points(facts, surveyed, compared)
 
 

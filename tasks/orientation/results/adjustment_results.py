@@ -14,10 +14,11 @@ from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
 from orthomill.tasks.adjustment.model.network import Network, common_shift
-from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Group, ObservationKind
+from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, ObservationKind
 from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
+from orthomill.tasks.orientation.results.group_reliability import reliability_of_groups
 from orthomill.tasks.orientation.shape.bent_block import bent_block
 from orthomill.tasks.orientation.shape.shape_precision import shape_precision
 from orthomill.tasks.orientation.sources.source_findings import BEND, covered_by
@@ -56,7 +57,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         lever_arms=arms if len(arms) > 1 else (),
         offsets=() if _is_common(network) else results.offsets,
         sources=results.statements,
-        groups=tuple(_group(problem, group) for group in result.groups),
+        groups=tuple(_groups(problem, result)),
         largest=tuple(_largest(problem, result, tracks)),
         correlations=tuple(_correlations(problem, result)),
         blunders=(*(row.name for row in points), *(f"{row.first} - {row.second}" for row in distances)),
@@ -77,9 +78,18 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     )
 
 
-def _group(problem: Problem, group: Group) -> ObservationGroup:
-    own = problem.gnss_groups[group.part] if group.name == ObservationKind.POSITIONS and problem.gnss_groups else ""
-    return ObservationGroup(name=group.name, count=group.count, redundancy=group.redundancy, factor=group.factor, part=own)
+def _groups(problem: Problem, result: Adjustment) -> Iterator[ObservationGroup]:
+    reliability = reliability_of_groups(result)
+    for group in result.groups:
+        own = problem.gnss_groups[group.part] if group.name == ObservationKind.POSITIONS and problem.gnss_groups else ""
+        yield ObservationGroup(
+            name=group.name,
+            count=group.count,
+            redundancy=group.redundancy,
+            factor=group.factor,
+            part=own,
+            reliability=reliability.get((group.name, group.part)),
+        )
 
 
 def _about_bend(finding: BlockFinding) -> bool:

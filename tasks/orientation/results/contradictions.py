@@ -198,7 +198,7 @@ def _lies_on(results: BlockResults, ray: int) -> str | None:
 def _check_measurements(results: BlockResults, control: Control) -> Iterator[CheckMeasurementsApart]:
     """Check points whose rays do not meet, while some of their measurements lie on the given coordinates: these show which of the
     others are wrong, although the point takes no part."""
-    checks = [point for point in control.points if point.role == "check"]
+    checks = [point for point in control.points if point.role == "check" and point.measurements]
     rays = ground_rays(checks, {name: i for i, name in enumerate(results.problem.names)}, results.cameras)
     missed, size = _check_misfits(results, checks, rays)
     # Check points are marked as well as the others are.

@@ -12,6 +12,9 @@ from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.control.ground_points import approximate_points, distance_variances_between, intersect_ground
 from orthomill.tasks.orientation.measurements import ground_rays
 
+_NO_WEIGHT = 1e-12
+"""1/m^2: of a coordinate that is not known, a thousand kilometres"""
+
 
 def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals:
     """How the block fits what is known; observations that took no part are compared all the same."""
@@ -38,8 +41,7 @@ def control_rows(results: BlockResults) -> list[GroundResidual]:
         spread, white = (np.diag(r.point_covariance[number]) for r in (result, computed))
         variance = _of_residual(weight, spread, white) if took_part else known.control_sigma[i] ** 2 + spread
         row = _residual(point.name, "control", difference, variance, int(own.sum()), result.residual[own])
-        x, y, z = map(float, np.clip(1.0 - weight * white, 0.0, 1.0))
-        rows.append(row.model_copy(update={"redundancy": (x, y, z)}) if took_part else row)
+        rows.append(_with_redundancy(row, weight, white) if took_part else row)
     return rows
 
 
@@ -55,13 +57,14 @@ def position_rows(results: BlockResults) -> list[GroundResidual]:
         weight = network.centre_weight[i]
         variance = _of_residual(weight, spread, white) if weight.all() else problem.known.position_sigma[i] ** 2 + spread
         difference = -position_residuals(network, state)[i] if weight.all() else antenna[i] - problem.known.position[i]
-        rows.append(_residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2))))
+        row = _residual(problem.names[i], "position", difference, variance, 1, np.zeros((0, 2)))
+        rows.append(_with_redundancy(row, weight, white) if weight.all() else row)
     return rows
 
 
 def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]:
     problem, result = results.problem, results.result
-    points = [point for point in control.points if point.role == "check"]
+    points = [point for point in control.points if point.role == "check" and point.measurements]
     rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
     start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points)).point
     # Intersected with the final orientation: a check point must not influence what it checks.
@@ -138,6 +141,12 @@ def _of_residual(weight: np.ndarray, spread: np.ndarray, white: np.ndarray) -> n
     that is for white noise and considered parameters as they are; the effect of correlated image errors and of what these
     parameters may be wrong by comes on top."""
     return 1.0 / weight - white + (spread - white)
+
+
+def _with_redundancy(row: GroundResidual, weight: np.ndarray, white: np.ndarray) -> GroundResidual:
+    """With the redundancy numbers of its coordinates, from their weights and the variances that their own adjustment yields."""
+    share, sigma = np.clip(1.0 - weight * white, 0.0, 1.0), 1.0 / np.sqrt(np.maximum(weight, _NO_WEIGHT))
+    return row.model_copy(update={"redundancy": tuple(share.tolist()), "sigma": tuple(sigma.tolist())})
 
 
 def _residual(

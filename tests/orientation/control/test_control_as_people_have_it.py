@@ -11,10 +11,10 @@ import pytest
 from pyproj import CRS, Transformer
 
 from orthomill.schemas.errors import OrthomillError
+from orthomill.schemas.observations import NO_HEIGHT
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromFiles, ControlFromGcpList
 from orthomill.schemas.survey_files.text_encoding import decoded
-from orthomill.tasks.orientation.control.control_heights import FREE
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 
 UTM = "EPSG:32632"
@@ -371,7 +371,7 @@ def test_heights_that_are_not_known_hold_nothing(make, free):
             make()
         return
     found = make()
-    assert [point.sigma[2] for point in found.points] == [FREE] * 3 and [p.sigma[0] for p in found.points] == [0.03] * 3
+    assert [point.sigma[2] for point in found.points] == [NO_HEIGHT] * 3 and [p.sigma[0] for p in found.points] == [0.03] * 3
     assert any(free in finding.sentence for finding in found.findings)
     np.testing.assert_allclose(found.points[0].xyz[:2], POINTS["P1"][:2])
 

@@ -47,6 +47,13 @@ def test_every_mistake_is_one_sentence(points, measured, sentence):
         read_control(PHOTOS, points, measured)
 
 
+def test_a_check_point_without_a_mark_is_kept_for_the_heights_of_products():
+    control = read_control(PHOTOS, POINTS + "V1,check,1,2,3,0.1,0.1,0.1\n", MEASURED)
+    assert control.points[2].name == "V1" and control.points[2].measurements == {}
+    (finding,) = control.findings
+    assert finding.sentence.startswith("V1 is marked in no photograph. It tests the heights") and not finding.grave
+
+
 def test_all_mistakes_are_told_together():
     with pytest.raises(WorkflowError) as told:
         read_control(PHOTOS, POINTS + "P3,control,1,2,3,1,1,1\n", MEASURED + "P9,a,1,1,1\nP2,b,200,10,1\n")

@@ -12,11 +12,11 @@ from orthomill.schemas.findings.control_findings import (
     HeightsNotTransformed,
     HeightsUnknown,
 )
+from orthomill.schemas.observations import NO_HEIGHT
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS, ControlFromFiles, ControlFromGcpList
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.orientation.control.control_files import read_control
-from orthomill.tasks.orientation.control.control_heights import FREE
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
 
@@ -83,7 +83,7 @@ def test_heights_that_are_all_0_are_said(heights, crs, said):
     """A local system may have its floor at 0, and two points may well be equally high."""
     found = control_of(heights, crs)
     assert found.findings == ((HeightsAllZero(points=3, freed=True),) if said else ())
-    assert [point.sigma[2] for point in found.points] == [FREE if said else 0.2] * len(heights)
+    assert [point.sigma[2] for point in found.points] == [NO_HEIGHT if said else 0.2] * len(heights)
     if said:
         assert "the height 0, which was taken as unknown" in found.findings[0].sentence and found.findings[0].grave
 
@@ -97,7 +97,7 @@ def test_heights_that_are_all_0_are_kept_where_nothing_else_holds_the_block():
 def test_one_height_of_0_among_others_is_none():
     found = control_of((160.2, 0, 171.9))
     assert found.findings == (HeightsUnknown(points=("Q",), zero=True),)
-    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == FREE
+    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == NO_HEIGHT
     assert control_of((4.2, 0, -1.9)).findings == (), "near the sea a point may well be at 0"
 
 
@@ -105,7 +105,7 @@ def test_one_height_of_0_among_others_is_none():
 def test_numbers_that_stand_for_no_height_are_none(number):
     found = control_of((160.2, number, 171.9))
     assert found.findings == (HeightsUnknown(points=("Q",), numbers=(number,)),)
-    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == FREE
+    assert found.points[1].xyz[2] == pytest.approx(166.05) and found.points[1].sigma[2] == NO_HEIGHT
     assert f"have the height {number:.0f}, as programs write it where they know none, are used in plan only: Q." in (
         found.findings[0].sentence
     )
@@ -124,7 +124,7 @@ def test_points_without_any_height_hold_a_block_without_positions_at_0():
     assert [point.xyz[2] for point in found.points] == [0.0] * 3 and found.points[0].sigma[2] == 0.2
     assert "nothing else holds the block in height" in found.findings[0].sentence and found.findings[0].grave
     beside = control_of((-9999, -9999, -9999))
-    assert not beside.findings[0].alone and beside.points[0].sigma[2] == FREE
+    assert not beside.findings[0].alone and beside.points[0].sigma[2] == NO_HEIGHT
 
 
 ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)

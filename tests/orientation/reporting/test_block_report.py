@@ -77,6 +77,21 @@ def test_groups_of_observations_add_up_to_the_redundancy(volos_like, shown):
     assert np.allclose(share, groups["mean redundancy number, %"], atol=1.0) and (share > 0).all() and (share < 100).all()
 
 
+def test_groups_say_which_error_of_one_of_them_would_be_found(volos_like):
+    result = volos_like[1]
+    groups = {group.name: group.reliability for group in result["precision"].groups}
+    for role, name in (("control", "surveyed coordinates"), ("position", "GNSS positions")):
+        rows = [row for row in result["ground_residuals"].of_role(role) if row.redundancy]
+        sigma, share = np.array([row.sigma for row in rows]), np.array([row.redundancy for row in rows])
+        found = 4.13 * sigma / np.sqrt(share)
+        assert groups[name].detectable == pytest.approx(np.median(found), rel=1e-3)
+        assert groups[name].detectable_most == pytest.approx(found.max(), rel=1e-3)
+        assert groups[name].effect == pytest.approx(np.median((1 - share) * found), rel=1e-3)
+        assert groups[name].unchecked == 0
+    ties = groups["tie points in photographs"]
+    assert ties.detectable > 4.13 * result["block"].sigma0_px and ties.detectable_most >= ties.detectable
+
+
 def test_the_worst_measurements_are_named_with_photograph_and_point(volos_like, shown):
     worst = table(shown, "Largest standardised residuals")
     assert set(worst["photo"]) <= set(volos_like[1]["block"].names)

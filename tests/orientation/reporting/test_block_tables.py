@@ -134,7 +134,9 @@ def precision(**changes):
 
 def test_the_mean_redundancy_number_is_a_percentage():
     groups = (ObservationGroup(name="tie points in photographs", count=200, redundancy=150.04, factor=1.2),)
-    assert adjustment_grids(precision(groups=groups), ())[0].rows == (("tie points in photographs", 200, 150.0, 75.0, 1.2),)
+    assert adjustment_grids(precision(groups=groups), ())[0].rows == (
+        ("tie points in photographs", 200, 150.0, 75.0, 1.2, None, None, None, None),
+    )
 
 
 def test_an_empty_group_does_not_divide_by_zero():
