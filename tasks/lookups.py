@@ -1,7 +1,7 @@
 """What commands compute beside a run: of one photograph, of two, of the headers of all, of marked points, of a finished project."""
 
 from orthomill.tasks.accuracy.acceptance.clauses import accepted
-from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, inspected
+from orthomill.tasks.accuracy.acceptance.delivered_points import inspected
 from orthomill.tasks.accuracy.acceptance.inspector import Inspector
 from orthomill.tasks.accuracy.adjustment.joint_covariance import StoredCovariance
 from orthomill.tasks.accuracy.answers.measuring import measure
@@ -13,6 +13,7 @@ from orthomill.tasks.inspections.image_points import points_on_surface
 from orthomill.tasks.inspections.photographs_of_place import photographs_of_place
 from orthomill.tasks.inspections.target_list import targets_of_photograph
 from orthomill.tasks.inspections.window_size import share_of, sizing_of, window_size_map
+from orthomill.tasks.listed_points import listed_points
 from orthomill.tasks.marking.given_points import given_points, marks_of
 from orthomill.tasks.marking.hidden_areas import hidden_mask
 from orthomill.tasks.marking.marker import marker_of
@@ -30,7 +31,6 @@ __all__ = [
     "Inspector",
     "OrientedProject",
     "StoredCovariance",
-    "SurveyedPoint",
     "accepted",
     "as_glb",
     "classical_forms",
@@ -41,6 +41,7 @@ __all__ = [
     "height_patch",
     "hidden_mask",
     "inspected",
+    "listed_points",
     "look_ahead",
     "marker_of",
     "marks_of",

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from orthomill.pipeline.cli.point_lists import point_list
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.serving.marking.field_files import next_sentence
 from orthomill.pipeline.serving.marking.mark_ledger import MarkLedger
 from orthomill.pipeline.serving.marking.marking_session import KnowsTheBlock, MarkingSession
 from orthomill.pipeline.serving.marking.mask_images import MASKS, MaskImages, MaskOf
 from orthomill.pipeline.serving.marking.photograph_crops import PhotographCrops
-from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.camera import CAMERAS
-from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
+from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.job import Table
 from orthomill.schemas.marks import FoundTarget, Marks
 from orthomill.schemas.observations import CONTROL, GROUND_POINTS, IMAGE_RESIDUALS, TIE_POINTS, Control
@@ -64,7 +64,7 @@ def marking_session(loaded: LoadedWorkflow, marking: Marking, points: Path | Non
         if ledger.is_new and store.has_table(CONTROL) and (control := store.table(CONTROL)).points:
             ledger.replace(marking.marks_of(control))
         if points is not None:
-            ledger.replace(with_points(ledger.marks, marking.given_points(photos, *_read(points, crs), loaded.project.crs)))
+            ledger.replace(with_points(ledger.marks, marking.given_points(photos, *point_list(points, crs), loaded.project.crs)))
         known = marking.marker(photos=photos, cameras=store.table(CAMERAS), heights=_heights(ledger.marks), **tables)
         masks = MaskImages(loaded.root, marks_folder(loaded) / MASKS, photos.photos, marking.mask_of)
         yield MarkingSession(name, ledger, PhotographCrops(store, photos), known, masks)
@@ -143,19 +143,6 @@ def with_points(marks: Marks, given: Marks) -> Marks:
     )
     here = {point.name for point in kept}
     return marks.model_copy(update={"points": (*kept, *(point for point in given.points if point.name not in here))})
-
-
-def _read(path: Path, crs: str | None) -> tuple[str, str | None]:
-    """The text of a list of points, and its reference system."""
-    if not path.is_file():
-        raise WorkflowError(f"There is no file {path}; give a CSV, a GeoPackage, or what a surveyor's program wrote.")
-    if path.suffix.lower() == SUFFIX:
-        text, own = points_csv(path)
-        return text, crs or own
-    try:
-        return path.read_text(encoding="utf-8-sig"), crs
-    except UnicodeDecodeError:
-        return path.read_text(encoding="cp1252"), crs
 
 
 def _heights(marks: Marks) -> float | None:

@@ -120,6 +120,8 @@ class DeliveryFacts:
     last_day: str | None = None
     """of the photographs, ISO 8601"""
     crs: str = ""
+    remarks: tuple[str, ...] = ()
+    """what was assumed of the points"""
 
 
 class Clause(BaseModel):

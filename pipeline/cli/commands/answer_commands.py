@@ -96,7 +96,8 @@ def accept(
     points: Annotated[
         Path | None,
         typer.Option(
-            help="CSV of check points: name, x, y, z, sigma_x, sigma_y, sigma_z; ortho_x, ortho_y as measured in the image."
+            help="Check points: a GeoPackage, a surveyor's list, or a CSV with name, x, y, z, sigma_x, sigma_y, sigma_z; ortho_x, "
+            "ortho_y as measured in the image."
         ),
     ] = None,
     photos: Annotated[Path | None, typer.Option(help="Folder with the photographs of those products.")] = None,
@@ -105,7 +106,9 @@ def accept(
         typer.Option(help="Their orientation, as for check: the photographs then show where an orthoimage has a point."),
     ] = None,
     marks: Annotated[Path | None, typer.Option(help="CSV of the points' marks in the photographs: name, photo, col, row.")] = None,
-    crs: Annotated[str | None, typer.Option(help="Reference system of points and block; by default that of the block.")] = None,
+    crs: Annotated[
+        str | None, typer.Option(help="Reference system of points and block; by default that of the block, or of the products.")
+    ] = None,
     plan: Annotated[float | None, typer.Option(help="Root mean square error in plan that was agreed, m.", min=1e-6)] = None,
     height: Annotated[float | None, typer.Option(help="Root mean square error in height that was agreed, m.", min=1e-6)] = None,
     output: Annotated[Path | None, typer.Option(help="A .json or .html to write besides; a run has both in its folder.")] = None,
@@ -125,7 +128,7 @@ def accept(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.storage.whole_files import write_whole
     from orthomill.schemas.errors import WorkflowError
-    from orthomill.tasks.lookups import Inspector, SurveyedPoint, accepted, inspected
+    from orthomill.tasks.lookups import Inspector, accepted, inspected, listed_points
 
     with plain_errors(debug):
         loaded = load_project(name) if name else None
@@ -147,7 +150,9 @@ def accept(
         elif loaded:
             facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, Inspector)
         else:
-            facts = facts_of_files(files, inspected, SurveyedPoint)
+            facts = facts_of_files(files, crs, inspected, listed_points)
+        for remark in facts.remarks:
+            err.print(escape(remark), soft_wrap=True)
         result = accepted(limits, facts, delivery)
         own = [loaded.run_folder / f"acceptance.{end}" for end in ("json", "html")] if loaded and not (dsm or ortho) else []
         for path in [*own, *([output] if output else [])]:

@@ -1,6 +1,5 @@
 """`orthomill accept`: the facts of a delivery, of a finished run or of files from another program, and its clauses."""
 
-import csv
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from orthomill.pipeline.cli.point_lists import point_list
 from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import titles_of
 from orthomill.pipeline.records.lock import only_run
@@ -18,7 +18,8 @@ from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
 from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
-from orthomill.pipeline.storage.map_files import read_map, read_map_grid
+from orthomill.pipeline.storage.map_files import opened_map, read_map, read_map_grid
+from orthomill.pipeline.storage.point_files import is_point_file
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
@@ -138,18 +139,44 @@ def _seams(folder: Path) -> float | None:
     return float(value) if value is not None else None
 
 
-def facts_of_files(delivered: Delivered, inspect: Inspect, make_point: Callable[..., Any]) -> DeliveryFacts:
-    """What files of another program deliver. Raises WorkflowError for what cannot be read."""
+def facts_of_files(delivered: Delivered, own: str | None, inspect: Inspect, listed: Callable[..., Any]) -> DeliveryFacts:
+    """What files of another program deliver; own: the system of the points, None for that of their list or of the products. Raises
+    WorkflowError for what cannot be read."""
+    for path, option in ((delivered.dsm, "--dsm"), (delivered.ortho, "--ortho"), (delivered.points, "--points")):
+        if path is not None and not path.is_file():
+            raise WorkflowError(f"There is no file {path} ({option}); correct the path.")
     picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     grid, heights, crs = _surface(delivered.dsm)
-    points = tuple(_points(delivered.points, make_point)) if delivered.points else ()
-    statement = inspect(points, grid, heights, picture.pixel if picture else 0.0) if points else AccuracyStatement()
+    if crs and delivered.ortho and (of_picture := plan_crs_of(delivered.ortho)) != crs:
+        raise WorkflowError(
+            f"{delivered.dsm} is in {crs} and {delivered.ortho} in {of_picture or 'no projected system in metres'}: warp one into "
+            "the system of the other (gdalwarp -t_srs)."
+        )
+    system = crs or (picture.crs if picture else "")
+    found = listed(*point_list(delivered.points, own), system) if delivered.points else None
+    statement = inspect(found.points, grid, heights, picture.pixel if picture else 0.0) if found else AccuracyStatement()
+    if found and grid:
+        _refuse_elsewhere(found.points, grid, crs, delivered)
     return DeliveryFacts(
+        remarks=found.remarks if found else (),
         statement=statement,
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
-        crs=crs or (picture.crs if picture else ""),
+        crs=system,
+    )
+
+
+def _refuse_elsewhere(points: tuple[Any, ...], grid: MapGrid, crs: str, delivered: Delivered) -> None:
+    x, y = np.array([point.xyz[:2] for point in points]).T
+    col, row = grid.pixel(x, y)
+    if ((col > -1) & (col < grid.cols) & (row > -1) & (row < grid.rows)).any():
+        return
+    east, south = grid.west + grid.cols * grid.cell, grid.north - grid.rows * grid.cell
+    raise WorkflowError(
+        f"None of the {len(points)} points of {delivered.points} lies on {delivered.dsm}: they are about {np.median(x):.0f}, "
+        f"{np.median(y):.0f}, and it reaches from {grid.west:.0f}, {south:.0f} to {east:.0f}, {grid.north:.0f} in {crs}. Name the "
+        "system of the points with --crs, or correct their list."
     )
 
 
@@ -206,6 +233,7 @@ def _surface(path: Path | None) -> tuple[MapGrid | None, Callable[[MapGrid, Wind
     if path is None:
         return None, None, ""
     check_height_file(path)
+    _refuse_colours(path)
     crs = plan_crs_of(path)
     if crs is None:
         raise WorkflowError(f"{path} is in no projected system in metres; warp it into one (gdalwarp -t_srs).")
@@ -213,19 +241,11 @@ def _surface(path: Path | None) -> tuple[MapGrid | None, Callable[[MapGrid, Wind
     return grid, lambda cells, window: read_heights(path, HeightFile(str(path), crs, cells, window)), crs
 
 
-def _points(path: Path, make_point: Callable[..., Any]) -> Iterator[Any]:
-    try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
-        for row in rows:
-            xyz = tuple(float(row[key]) for key in ("x", "y", "z"))
-            sigma = tuple(float(row.get(key) or 0.0) for key in ("sigma_x", "sigma_y", "sigma_z"))
-            place = (float(row["ortho_x"]), float(row["ortho_y"])) if row.get("ortho_x") and row.get("ortho_y") else None
-            yield make_point(row["name"], xyz, sigma, place)
-    except (OSError, UnicodeDecodeError, KeyError, ValueError, TypeError) as error:
-        raise WorkflowError(
-            f"{path} cannot be read ({error}): the points are a CSV with the columns name, x, y, z, sigma_x, sigma_y, sigma_z and, "
-            "where they were measured in the orthoimage, ortho_x, ortho_y."
-        ) from error
+def _refuse_colours(path: Path) -> None:
+    if not is_point_file(path):
+        with opened_map(path, "EPSG:4326") as source:
+            if source.dtypes[0] == "uint8" and source.count >= 3:
+                raise WorkflowError(f"{path} has {source.count} bands of colours and no heights; is it the orthoimage (--ortho)?")
 
 
 def acceptance_lines(result: AcceptanceResult) -> Iterator[str]:

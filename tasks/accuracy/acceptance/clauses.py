@@ -4,12 +4,17 @@ A clause about accuracy is met when the accuracy found keeps the limit; without 
 small the promised errors are.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 
 from orthomill.schemas.accuracy.acceptance import AcceptanceLimits, AcceptanceResult, Clause, DeliveryFacts, Outcome3
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure
 
 _UNTESTED = "not tested at independent points"
+_ROUNDING = 1 + 1e-6
+"""Float32 of rasters and roots of sums: 0.2 m must not be more than 0.2 m."""
+_TESTS = {"horizontal": "place", "nva": "height"}
+"""what the reasons of points that were not tested begin with"""
 
 
 def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> AcceptanceResult:
@@ -26,7 +31,7 @@ def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause
     wanted = profile.plan or (profile.plan_pixels * facts.pixel if profile.plan_pixels and facts.pixel else None)
     for kind, words, limit in (("horizontal", "plan", wanted), ("nva", "height", profile.height)):
         if limit is not None:
-            yield from _accuracy(facts.statement.of(kind), words, limit, profile)  # type: ignore[arg-type]
+            yield from _accuracy(facts.statement.of(kind), words, limit, profile, _why_not(facts, kind))  # type: ignore[arg-type]
     if profile.plan_stated:
         known = facts.statement.of("horizontal")
         told = f"{known.rmse:.3f} m at {known.points} points" if known else _UNTESTED
@@ -48,13 +53,25 @@ def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause
         yield Clause(clause="heights named", found=facts.crs or "no system", limit="a vertical system", outcome=_met(named))
 
 
-def _accuracy(figure: AccuracyFigure | None, words: str, limit: float, profile: AcceptanceLimits) -> Iterator[Clause]:
+def _why_not(facts: DeliveryFacts, kind: str) -> str:
+    """That nothing was tested, with the reason of most points."""
+    about = f"{_TESTS[kind]}: "
+    reasons = Counter(reason.removeprefix(about) for _, reason in facts.statement.untested if reason.startswith(about))
+    most = reasons.most_common(1)
+    return f"{_UNTESTED} ({most[0][1]} of {reasons.total()}: {most[0][0]})" if most else _UNTESTED
+
+
+def _accuracy(
+    figure: AccuracyFigure | None, words: str, limit: float, profile: AcceptanceLimits, untested: str
+) -> Iterator[Clause]:
     if figure is None:
-        yield Clause(clause=f"accuracy in {words}", found=_UNTESTED, limit=f"{limit:.3f} m", outcome="not testable")
+        yield Clause(clause=f"accuracy in {words}", found=untested, limit=f"{limit:.3f} m", outcome="not testable")
     else:
         upper = "" if figure.high is None else f", 95 %: {figure.low:.3f} to {figure.high:.3f} m"
         found = f"{figure.rmse:.3f} m{upper}"
-        yield Clause(clause=f"accuracy in {words}", found=found, limit=f"{limit:.3f} m", outcome=_met(figure.rmse <= limit))
+        yield Clause(
+            clause=f"accuracy in {words}", found=found, limit=f"{limit:.3f} m", outcome=_met(figure.rmse <= limit * _ROUNDING)
+        )
     if profile.points:
         count = figure.points if figure else 0
         clause, enough = f"check points for {words}", count >= profile.points
@@ -62,15 +79,14 @@ def _accuracy(figure: AccuracyFigure | None, words: str, limit: float, profile: 
     if profile.survey_share is not None:
         most = profile.survey_share * limit
         clause = f"survey of the check points in {words}"
-        outcome: Outcome3 = "not testable" if figure is None else _met(figure.survey <= most)
+        outcome: Outcome3 = "not testable" if figure is None else _met(figure.survey <= most * _ROUNDING)
         yield Clause(clause=clause, found=f"{figure.survey:.3f} m" if figure else _UNTESTED, limit=f"{most:.3f} m", outcome=outcome)
 
 
 def _at_most(words: str, found: float | None, limit: float, unit: str) -> Clause:
     if found is None:
         return Clause(clause=words, found="not known", limit=f"{limit:g} {unit}", outcome="not testable")
-    # Float32 of rasters: 0.2 m must not be more than 0.2 m.
-    return Clause(clause=words, found=f"{found:.4g} {unit}", limit=f"{limit:g} {unit}", outcome=_met(found <= limit * (1 + 1e-6)))
+    return Clause(clause=words, found=f"{found:.4g} {unit}", limit=f"{limit:g} {unit}", outcome=_met(found <= limit * _ROUNDING))
 
 
 def _days(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:

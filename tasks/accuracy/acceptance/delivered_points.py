@@ -9,7 +9,7 @@ import numpy as np
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.accuracy.point_tests import TESTED, PlaceTest, PointTest, PointTests
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
 
 STEEPEST = 0.1
@@ -31,15 +31,22 @@ def inspected(points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: 
     """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs."""
     tests = []
     for point in points:
-        place = point.place and PlaceTest(reason=TESTED, place=point.place, sigma=(pixel / 2, pixel / 2), photos=0)
+        place = _measured(point, pixel)
         height = None
         if grid is not None and heights is not None:
             window = cells_around(grid, *point.xyz[:2]).clipped(grid.shape)
             values = heights(grid, window) if not window.empty else np.zeros((0, 0))
             height = height_at(CellsAround(grid, window, values, np.zeros(values.shape)), *point.xyz[:2], STEEPEST)
+        height = beside_survey(height, point.sigma[2])
         tests.append(PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place))
     area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
     return unpromised(PointTests(points=tuple(tests), area_km2=area))
+
+
+def _measured(point: SurveyedPoint, pixel: float) -> PlaceTest | None:
+    if point.place:
+        return PlaceTest(reason=TESTED, place=point.place, sigma=(pixel / 2, pixel / 2), photos=0)
+    return PlaceTest(reason="nobody measured it in the orthoimage: ortho_x, ortho_y") if pixel else None
 
 
 def unpromised(tests: PointTests) -> AccuracyStatement:

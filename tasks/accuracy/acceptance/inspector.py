@@ -20,7 +20,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import (
     place_in_orthoimage,
 )
 from orthomill.tasks.accuracy.points.point_patches import patches_of
-from orthomill.tasks.accuracy.points.surface_height import CellsAround, cells_around, height_at
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at
 from orthomill.tasks.geometry.view import block_view
 
 Read = Callable[[MapGrid, Window], np.ndarray]
@@ -59,7 +59,9 @@ class Inspector:
             pixels = np.zeros((0, 0, 3)) if window.empty else read(grid, window)
             patches = tuple(self._patches(point, grid.cell))
             place = place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz))
-        return PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place)
+        return PointTest(
+            name=point.name, surveyed=point.xyz, sigma=point.sigma, height=beside_survey(height, point.sigma[2]), place=place
+        )
 
     def _patches(self, point: ControlPoint, cell: float) -> Iterator[MarkedPatch]:
         for at in patches_of(point, self.block, self.photos, cell):

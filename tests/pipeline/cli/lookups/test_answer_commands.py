@@ -4,6 +4,9 @@ import json
 
 import numpy as np
 import pytest
+import rasterio
+from pyproj import Transformer
+from rasterio.transform import Affine
 from village_pair import block_of, normal_case
 
 from orthomill.finished_project import FinishedProject
@@ -23,7 +26,7 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, map_raster
 from orthomill.schemas.surface import DATUM_PRECISION, HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance, Surface
-from orthomill.tasks.lookups import StoredCovariance, SurveyedPoint, accepted, inspected, measure
+from orthomill.tasks.lookups import StoredCovariance, accepted, inspected, listed_points, measure
 
 GRID = MapGrid(west=400000.0, north=4000100.0, cell=1.0, rows=100, cols=100)
 
@@ -127,10 +130,72 @@ def test_profiles_come_from_files_and_mistakes_are_sentences(tmp_path):
         profile_of("none", None)
 
 
-def test_points_of_an_inspector_that_cannot_be_read(tmp_path):
-    (tmp_path / "p.csv").write_text("name,x,y\nA,1,2\n")
-    with pytest.raises(WorkflowError, match="columns name, x, y, z"):
-        facts_of_files(Delivered(None, None, tmp_path / "p.csv"), inspected, SurveyedPoint)
+@pytest.fixture
+def delivered(tmp_path):
+    """A level surface of another program, 5 m high, as a GeoTIFF."""
+    path = tmp_path / "theirs.tif"
+    given = {"driver": "GTiff", "width": 100, "height": 100, "count": 1, "dtype": "float32", "crs": "EPSG:2100"}
+    with rasterio.open(path, "w", transform=Affine(1, 0, 400000, 0, -1, 4000100), **given) as file:
+        file.write(np.full((1, 100, 100), 5, np.float32))
+    return path
+
+
+def inspection(dsm, text, crs=None):
+    path = dsm.with_name("p.csv")
+    path.write_text(text)
+    return facts_of_files(Delivered(dsm, None, path), crs, inspected, listed_points)
+
+
+HEAD = "name,x,y,z,sigma_x,sigma_y,sigma_z\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name,x\nA,1\n", "y"),
+        (HEAD, "holds no points"),
+        (f"{HEAD}A,400020,4000020,4.9,0.02,0.02,-0.02\n", "must be a positive number"),
+        (f"{HEAD}A,400020,4000020,4.9,0.02,0.02,0.02\n" * 2, "name"),
+        (f"{HEAD}A,500020,4000020,4.9,0.02,0.02,0.02\n", "None of the 1 points of .*p.csv lies on .*theirs.tif"),
+    ],
+)
+def test_points_of_an_inspector_that_cannot_be_used(delivered, text, words):
+    with pytest.raises(WorkflowError, match=words):
+        inspection(delivered, text)
+
+
+def test_an_inspector_reads_what_surveyors_write(delivered):
+    facts = inspection(delivered, "Punkt;Rechtswert;Hochwert;Höhe\nA;400020,5;4000020,5;4,9\nB;400060,5;4000060,5;4,8\n")
+    assert facts.statement.of("nva").points == 2 and facts.statement.of("nva").survey == pytest.approx(0.05)
+    assert "state no standard errors" in facts.remarks[-1]
+    degrees = Transformer.from_crs("EPSG:2100", "EPSG:4326", always_xy=True).transform(400020.5, 4000020.5)
+    moved = inspection(delivered, f"{HEAD}A,{degrees[0]:.10f},{degrees[1]:.10f},4.9,0.02,0.02,0.02\n", "EPSG:4326")
+    assert moved.statement.of("nva").fit == pytest.approx(0.1, abs=1e-4)
+
+
+def test_a_point_without_a_height_tests_none(delivered):
+    facts = inspection(delivered, f"{HEAD}A,400020,4000020,4.9,0.02,0.02,0.02\nB,400060,4000060,nan,0.02,0.02,0.02\n")
+    assert facts.statement.of("nva").points == 1
+    assert dict(facts.statement.untested)["B"] == "height: the point was surveyed without a height"
+
+
+def test_files_that_are_not_there_or_something_else_are_named(delivered, tmp_path):
+    with pytest.raises(WorkflowError, match=r"There is no file .*nothing\.tif \(--dsm\)"):
+        facts_of_files(Delivered(tmp_path / "nothing.tif", None, None), None, inspected, listed_points)
+    colours = tmp_path / "colours.tif"
+    given = {"driver": "GTiff", "width": 100, "height": 100, "count": 3, "dtype": "uint8", "crs": "EPSG:32634"}
+    with rasterio.open(colours, "w", transform=Affine(1, 0, 400000, 0, -1, 4000100), **given) as file:
+        file.write(np.full((3, 100, 100), 5, np.uint8))
+    with pytest.raises(WorkflowError, match="bands of colours and no heights"):
+        facts_of_files(Delivered(colours, None, None), None, inspected, listed_points)
+    with pytest.raises(WorkflowError, match=r"is in EPSG:2100 and .* in EPSG:32634"):
+        facts_of_files(Delivered(delivered, colours, None), None, inspected, listed_points)
+
+
+def test_a_clause_that_cannot_be_tested_says_why(delivered):
+    facts = inspection(delivered, f"{HEAD}A,400020,4000020,nan,0.02,0.02,0.02\nB,400060,4000060,nan,0.02,0.02,0.02\n")
+    result = accepted(profile_of("custom", None, {"height": 0.1}), facts, "it")
+    assert "(2 of 2: the point was surveyed without a height)" in result.clauses[0].found
 
 
 def test_a_notebook_measures_as_the_command_does(run, square):

@@ -1,0 +1,19 @@
+"""Lists of surveyed points that a command is given: a GeoPackage, a CSV, or what a surveyor's program wrote."""
+
+from pathlib import Path
+
+from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
+from orthomill.schemas.errors import WorkflowError
+
+
+def point_list(path: Path, crs: str | None) -> tuple[str, str | None]:
+    """The text of a list of points, and its reference system: `crs`, or the one of a GeoPackage. Raises WorkflowError."""
+    if not path.is_file():
+        raise WorkflowError(f"There is no file {path}; give a CSV, a GeoPackage, or what a surveyor's program wrote.")
+    if path.suffix.lower() == SUFFIX:
+        text, own = points_csv(path)
+        return text, crs or own
+    try:
+        return path.read_text(encoding="utf-8-sig"), crs
+    except UnicodeDecodeError:
+        return path.read_text(encoding="cp1252"), crs
