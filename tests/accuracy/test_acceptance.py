@@ -132,3 +132,7 @@ def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
     found = known.statement((grid, lambda cells, window: np.full(window.shape, 10.2)), image)
     assert found.of("nva").points == 2 and found.of("nva").fit == pytest.approx(0.2)
     assert {reason for _, reason in found.untested} == {"place: marked in no photograph"}
+    wooded = Inspector(None, None, control, None, vegetated=("*1",)).statement(
+        (grid, lambda cells, window: np.full(window.shape, 10.2)), None
+    )
+    assert wooded.of("nva").points == wooded.of("vva").points == 1

@@ -1,5 +1,6 @@
 """Commands that answer questions about a finished run, each with its standard error."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -148,7 +149,8 @@ def accept(
         elif loaded and not (dsm or ortho):
             facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
         elif loaded:
-            facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, Inspector)
+            under = next((getattr(stage, "vegetated", ()) for stage in loaded.stages if stage.kind == "accuracy"), ())
+            facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, partial(Inspector, vegetated=under))
         else:
             facts = facts_of_files(files, crs, inspected, listed_points)
         for remark in facts.remarks:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -36,6 +37,8 @@ class Inspector:
     control: Control
     patch: Callable[[str, int, Window], np.ndarray]
     roles: tuple[str, ...] = ("check",)
+    vegetated: tuple[str, ...] = ()
+    """names or shell patterns of points under vegetation, where a surface shows crowns: stated apart"""
 
     def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
         """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given."""
@@ -59,9 +62,9 @@ class Inspector:
             pixels = np.zeros((0, 0, 3)) if window.empty else read(grid, window)
             patches = tuple(self._patches(point, grid.cell))
             place = place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz))
-        return PointTest(
-            name=point.name, surveyed=point.xyz, sigma=point.sigma, height=beside_survey(height, point.sigma[2]), place=place
-        )
+        under = any(fnmatchcase(point.name, pattern) for pattern in self.vegetated)
+        known = {"name": point.name, "surveyed": point.xyz, "sigma": point.sigma, "vegetated": under}
+        return PointTest(**known, height=beside_survey(height, point.sigma[2]), place=place)
 
     def _patches(self, point: ControlPoint, cell: float) -> Iterator[MarkedPatch]:
         for at in patches_of(point, self.block, self.photos, cell):
