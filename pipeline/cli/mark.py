@@ -106,6 +106,8 @@ def marked_automatically(
         new = [mark for photo, mark in point.marks.items() if (point.name, photo) not in before]
         by = {kind: sum(mark.by == kind for mark in new) for kind in ("target", "matched")}
         how = ", ".join(f"{count} {kind}" for kind, count in by.items() if count) or "nothing new"
+        if not point.marks and not session.sights(point.name):
+            how = "no photograph should show it"
         yield f"{point.name} ({point.role}): {len(point.marks)} marks ({how})"
     state = session.state()
     for one in state["judgement"].get("wrong", ()):

@@ -4,16 +4,15 @@ from pathlib import Path
 
 from orthomill.pipeline.storage.geopackage_points import SUFFIX, points_csv
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.survey_files.text_encoding import decoded
 
 
 def point_list(path: Path, crs: str | None) -> tuple[str, str | None]:
-    """The text of a list of points, and its reference system: `crs`, or the one of a GeoPackage. Raises WorkflowError."""
+    """The text of a list of points, and its reference system: `crs`, or the one of a GeoPackage. Raises WorkflowError, StoreError
+    for what is no text."""
     if not path.is_file():
         raise WorkflowError(f"There is no file {path}; give a CSV, a GeoPackage, or what a surveyor's program wrote.")
     if path.suffix.lower() == SUFFIX:
         text, own = points_csv(path)
         return text, crs or own
-    try:
-        return path.read_text(encoding="utf-8-sig"), crs
-    except UnicodeDecodeError:
-        return path.read_text(encoding="cp1252"), crs
+    return decoded(path.read_bytes(), str(path)), crs
