@@ -150,6 +150,21 @@ class TargetsNotFound(_OfControl):
         return False
 
 
+class TargetsTwice(_OfControl):
+    """Photographs show the same code at several places."""
+
+    code: Literal["targets_twice"] = "targets_twice"
+    codes: tuple[str, ...]
+    photos: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        return (
+            f"More than one target with the code {some_of(self.codes)} is in {some_of(self.photos)}; it was not used there, and "
+            "elsewhere nothing tells which of the targets is meant. Take one of them away, or mark the points by hand."
+        )
+
+
 # People reduce photographs and keep the list that was measured in the originals.
 class MeasurementsOfOriginals(_OfControl):
     """Control measurements were read as pixels of the photographs before these were reduced."""
@@ -412,6 +427,7 @@ ControlFinding = Annotated[
     | PhotographsAbsent
     | ChecksUnmarked
     | TargetsNotFound
+    | TargetsTwice
     | MeasurementsOfOriginals
     | MeasurementsReduced
     | ControlExchanged

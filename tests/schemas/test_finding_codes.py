@@ -131,6 +131,7 @@ CONTROL_VALUES = {
     "checks_unmarked": {"points": ("V1", "V2")},
     "photographs_absent": {"measurements": 3, "photos": ("a", "b"), "lost": ("P1",)},
     "targets_not_found": {"points": ("T1", "T2")},
+    "targets_twice": {"codes": ("tag36h11-7",), "photos": ("a", "b")},
     "heights_all_zero": {"points": 5, "freed": True},
     "measurements_reduced": {"measurements": 25, "outside": 20, "factor": 5.0},
     "control_exchanged": {"points": 5, "crs": "EPSG:2180"},

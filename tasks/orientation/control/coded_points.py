@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.errors import WorkflowError, first_of, some_of
-from orthomill.schemas.findings.control_findings import TargetsNotFound
+from orthomill.schemas.findings.control_findings import TargetsNotFound, TargetsTwice
 from orthomill.schemas.marks import FoundTarget
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photo, Photos
@@ -20,7 +20,7 @@ from orthomill.schemas.project import ControlFromTargets
 from orthomill.schemas.raster import Window
 from orthomill.tasks.orientation.control.control_files import read_distances, read_points
 from orthomill.tasks.orientation.control.control_rows import StatedControl
-from orthomill.tasks.targets.coded_targets import coded_targets
+from orthomill.tasks.targets.coded_targets import all_coded_targets
 from orthomill.tasks.targets.photo_targets import grey_of
 
 SIDE, HALO = 2048, 512
@@ -47,6 +47,8 @@ class PhotoCodes(BaseModel):
 
     photo: str
     codes: tuple[FoundCode, ...] = ()
+    twice: tuple[str, ...] = ()
+    """names that it shows at several places: none of these is known to be the point"""
 
 
 class CodedPoints(NamedTuple):
@@ -67,12 +69,13 @@ def codes_in_photograph(parts: Iterable[np.ndarray], photo: str, windows: tuple[
     """The codes of a photograph from its `parts` (rows, cols, bands) at `windows`; one that shows twice is no point."""
     found: dict[str, list[FoundTarget]] = {}
     for pixels, window in zip(parts, windows, strict=True):
-        for one in coded_targets(np.clip(grey_of(pixels), 0, 255).astype(np.uint8)):
+        for one in all_coded_targets(np.clip(grey_of(pixels), 0, 255).astype(np.uint8)):
             place = one.place[0] + window.col, one.place[1] + window.row
             found.setdefault(one.name, []).append(replace(one, place=place))
-    single = (seen[0] for _, seen in sorted(found.items()) if _apart(seen) <= SAME)
+    single = [seen[0] for _, seen in sorted(found.items()) if _apart(seen) <= SAME]
+    twice = tuple(name for name, seen in sorted(found.items()) if _apart(seen) > SAME)
     codes = tuple(FoundCode(name=one.name, col=one.place[0], row=one.place[1], sigma=one.sigma) for one in single)
-    return PhotoCodes(photo=photo, codes=codes)
+    return PhotoCodes(photo=photo, codes=codes, twice=twice)
 
 
 def _apart(seen: list[FoundTarget]) -> float:
@@ -110,7 +113,9 @@ def coded_points(
         raise WorkflowError(first_of(mistakes))
     control = Control(points=tuple(points_of.values()), distances=lengths)
     lost = tuple(name for name in surveyed if name not in measured)
-    findings = (TargetsNotFound(points=lost),) if lost else ()
+    doubled = sorted({name for seen in found for name in seen.twice})
+    about_doubled = TargetsTwice(codes=tuple(doubled), photos=tuple(seen.photo for seen in found if seen.twice))
+    findings = (*((TargetsNotFound(points=lost),) if lost else ()), *((about_doubled,) if doubled else ()))
     read = control.model_copy(update={"findings": findings, "read": listed.read})
     return CodedPoints(read, listed.read.crs if listed.read else None)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.findings.control_findings import TargetsNotFound
+from orthomill.schemas.findings.control_findings import TargetsNotFound, TargetsTwice
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromTargets
 from orthomill.tasks.orientation.control import coded_points
@@ -47,7 +47,7 @@ def test_codes_are_found_wherever_the_parts_end(monkeypatch):
 
 def test_a_code_that_shows_twice_is_no_point(monkeypatch):
     found = searched(drawn([(5, (100, 120)), (5, (800, 600)), (6, (400, 300))]), monkeypatch)
-    assert [code.name for code in found.codes] == ["tag36h11-6"]
+    assert [code.name for code in found.codes] == ["tag36h11-6"] and found.twice == ("tag36h11-5",)
 
 
 def photos(**fields):
@@ -82,6 +82,12 @@ def test_points_are_named_by_codes_or_their_numbers_and_others_are_tie_points():
     assert control.points[0].sigma == (0.03, 0.03, 0.05) and control.points[1].xyz == (500010.0, 5000000.0, 301.0)
     assert control.points[0].measurements == {"a": (10.0, 20.0, 0.17), "b": (10.0, 21.0, 0.17), "c": (10.0, 22.0, 0.17)}
     assert TargetsNotFound(points=("9",)) in control.findings
+
+
+def test_a_code_on_two_plates_is_named():
+    doubled = tuple(one.model_copy(update={"twice": ("tag36h11-1",) if one.photo == "a" else ()}) for one in codes(2))
+    control = read(doubled, "name,x,y,z\n2,500000,5000000,300\n")
+    assert control.findings == (TargetsTwice(codes=("tag36h11-1",), photos=("a",)),)
 
 
 def test_scale_bars_need_no_coordinates():
