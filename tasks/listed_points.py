@@ -48,7 +48,7 @@ def _assumed(text: str) -> tuple[str, ...]:
     if not count:
         return ()
     return (
-        f"{count} of {len(first)} points state no standard errors; {_ASSUMED.sigma_plan:g} m in plan and "
+        f"{count} of {len(first)} points lack standard errors, for which {_ASSUMED.sigma_plan:g} m in plan and "
         f"{_ASSUMED.sigma_height:g} m in height are assumed: add columns sigma_x, sigma_y, sigma_z.",
     )
 

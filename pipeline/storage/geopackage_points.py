@@ -1,4 +1,5 @@
-"""Points of a GeoPackage as CSV text: name, x, y, z and the reference system, to be read like any other list of points.
+"""Points of a GeoPackage as CSV text: name, x, y, z, standard errors where it has them, and the reference system, to be read like
+any other list of points.
 
 Source: OGC 12-128r19, GeoPackage Encoding Standard 1.4, clause 2.1.3 (geometry BLOBs); OGC 06-103r4 for well-known binary.
 """
@@ -16,13 +17,14 @@ from orthomill.schemas.errors import WorkflowError
 SUFFIX = ".gpkg"
 _NAMES = ("name", "label", "id", "point", "nr", "bezeichnung", "nom", "nombre")
 """columns that hold names of points, by preference"""
+_SIGMAS = ("sigma_x", "sigma_y", "sigma_z")
 _ENVELOPES = (0, 32, 48, 48, 64)
 """bytes of an envelope, by its kind"""
 
 
 def points_csv(path: Path) -> tuple[str, str | None]:
-    """The points of the first layer of points: CSV text with name,x,y,z and the system ("EPSG:32632"; None where it is not by
-    EPSG). Raises WorkflowError for a file that cannot be read, or holds no points."""
+    """The points of the first layer of points: CSV text with name,x,y,z, its columns sigma_x, sigma_y, sigma_z, and the system
+    ("EPSG:32632"; None where it is not by EPSG). Raises WorkflowError for a file that cannot be read, or holds no points."""
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
             return _first_layer(database, path)
@@ -44,7 +46,11 @@ def _first_layer(database: sqlite3.Connection, path: Path) -> tuple[str, str | N
         if points:
             named = _name_column(heads, column)
             system = f"EPSG:{code}" if str(authority).upper() == "EPSG" else None
-            return _text([(_name(row, named, n), *place) for n, (row, place) in enumerate(points, 1)]), system
+            sigmas = [head for head in heads if head.casefold() in _SIGMAS]
+            lines = [
+                (_name(row, named, n), *map(repr, place), *(row[s] for s in sigmas)) for n, (row, place) in enumerate(points, 1)
+            ]
+            return _text(("name", "x", "y", "z", *map(str.casefold, sigmas)), lines), system
     raise WorkflowError(f"{path} holds no layer of points; its layers are {', '.join(layer[0] for layer in layers) or 'none'}.")
 
 
@@ -77,9 +83,9 @@ def _point(blob: bytes | None) -> tuple[float, float, float] | None:
     return x, y, struct.unpack(order + "d", body[21:29])[0] if high else float("nan")
 
 
-def _text(rows: list[tuple[str, float, float, float]]) -> str:
+def _text(heads: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(("name", "x", "y", "z"))
-    writer.writerows((name, repr(x), repr(y), repr(z)) for name, x, y, z in rows)
+    writer.writerow(heads)
+    writer.writerows(rows)
     return out.getvalue()

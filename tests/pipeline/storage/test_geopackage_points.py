@@ -45,6 +45,13 @@ def test_names_coordinates_and_system(tmp_path, blob):
     assert text.splitlines() == ["name,x,y,z", "A,1.5,2.25,3.125", "2,4.0,5.0,6.0"] and system == "EPSG:32632"
 
 
+def test_standard_errors_come_along(tmp_path):
+    geopackage(tmp_path / "p.gpkg", [("A", (1.0, 2.0, 3.0))], high)
+    with sqlite3.connect(tmp_path / "p.gpkg") as database:
+        database.execute('ALTER TABLE "my points" ADD COLUMN Sigma_Z REAL DEFAULT 0.02')
+    assert points_csv(tmp_path / "p.gpkg")[0].splitlines() == ["name,x,y,z,sigma_z", "A,1.0,2.0,3.0,0.02"]
+
+
 def test_points_without_heights(tmp_path):
     geopackage(tmp_path / "p.gpkg", [("A", (1.0, 2.0))], flat)
     assert points_csv(tmp_path / "p.gpkg")[0].splitlines()[1] == "A,1.0,2.0,nan"

@@ -167,7 +167,7 @@ def test_points_of_an_inspector_that_cannot_be_used(delivered, text, words):
 def test_an_inspector_reads_what_surveyors_write(delivered):
     facts = inspection(delivered, "Punkt;Rechtswert;Hochwert;Höhe\nA;400020,5;4000020,5;4,9\nB;400060,5;4000060,5;4,8\n")
     assert facts.statement.of("nva").points == 2 and facts.statement.of("nva").survey == pytest.approx(0.05)
-    assert "state no standard errors" in facts.remarks[-1]
+    assert "lack standard errors" in facts.remarks[-1]
     degrees = Transformer.from_crs("EPSG:2100", "EPSG:4326", always_xy=True).transform(400020.5, 4000020.5)
     moved = inspection(delivered, f"{HEAD}A,{degrees[0]:.10f},{degrees[1]:.10f},4.9,0.02,0.02,0.02\n", "EPSG:4326")
     assert moved.statement.of("nva").fit == pytest.approx(0.1, abs=1e-4)
