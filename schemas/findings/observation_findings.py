@@ -152,8 +152,8 @@ class DistanceContradicted(SpokenFinding):
     """block minus given, m"""
     ratio: float
     """difference in predicted standard errors"""
-    outcome: Literal["excluded", "undecided", "downweighted"]
-    """left out; kept, because nothing shows which observation is wrong; kept with a larger standard error"""
+    outcome: Literal["excluded", "undecided", "downweighted", "check"]
+    """left out; kept, because nothing shows which observation is wrong; kept with a larger standard error; no part in any case"""
 
     @property
     def sentence(self) -> str:
@@ -167,6 +167,8 @@ class DistanceContradicted(SpokenFinding):
         end = (
             "it took no part. Compare it with its two points"
             if self.outcome == "excluded"
+            else "it took no part, as one to a check point. Compare it with its two points"
+            if self.outcome == "check"
             else "too few others show which of them is wrong. Measure it again"
         )
         return f"{which} the block ({off}, {self.ratio:.0f} times the predicted standard error); {end}."

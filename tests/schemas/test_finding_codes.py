@@ -232,11 +232,11 @@ def test_what_is_no_finding_is_refused(union, stored, sentence):
         TypeAdapter(union).validate_json(json.dumps(stored))
 
 
-@pytest.mark.parametrize("outcome", ["excluded", "undecided", "downweighted"])
+@pytest.mark.parametrize("outcome", ["excluded", "undecided", "downweighted", "check"])
 def test_outcomes_of_a_contradicted_distance(outcome):
     values = BLOCK_VALUES["distance_contradicted"] | {"outcome": outcome}
     assert DistanceContradicted(**values).outcome == outcome
-    with pytest.raises(ValidationError, match="'excluded', 'undecided' or 'downweighted'"):
+    with pytest.raises(ValidationError, match="'excluded', 'undecided', 'downweighted' or 'check'"):
         DistanceContradicted(**values | {"outcome": outcome.upper()})
 
 

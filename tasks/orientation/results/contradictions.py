@@ -29,7 +29,13 @@ from orthomill.tasks.orientation.block.assembly import BY_CHANCE, BlockResults, 
 from orthomill.tasks.orientation.control.ground_points import approximate_points
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.results.block_results import rays_used
-from orthomill.tasks.orientation.results.ground_results import control_rows, distance_rows, position_rows, stated_distances
+from orthomill.tasks.orientation.results.ground_results import (
+    check_distance_rows,
+    control_rows,
+    distance_rows,
+    position_rows,
+    stated_distances,
+)
 
 AGREES = 3.0
 """What was set aside before the adjustment but lies within this many predicted standard errors of the block is no blunder."""
@@ -53,6 +59,7 @@ def contradictions(
     """All contradictions of a block: `points` and `distances` took no part because of them."""
     yield from _points_left_out(results, points)
     yield from _distances(results, distances)
+    yield from filter(None, (_distance(row, left_out=False, enlarged=False) for row in check_distance_rows(results, control)))
     yield from _measurements_left_out(results, points)
     if not results.datum.free:
         yield from _check_measurements(results, control)
@@ -147,7 +154,7 @@ def _distance(row: DistanceResidual, left_out: bool, enlarged: bool) -> Distance
         length=row.length,
         difference=row.difference,
         ratio=ratio,
-        outcome="downweighted" if enlarged else "excluded" if left_out else "undecided",
+        outcome="downweighted" if enlarged else "excluded" if left_out else "check" if row.role == "check" else "undecided",
     )
 
 

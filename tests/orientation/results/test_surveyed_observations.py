@@ -207,11 +207,12 @@ def test_a_distance_to_a_check_point_is_compared_and_moves_nothing():
     plain = orient(block)
     for first, second in ((control[0], check[0]), (check[0], check[1])):
         length = float(np.linalg.norm(np.subtract(first.xyz, second.xyz)))
-        wrong = Distance(first=first.name, second=second.name, length=length + 1.0, sigma=0.02)
+        wrong = Distance(first=first.name, second=second.name, length=length + 10.0, sigma=0.02)
         out = orient(with_control(block, lambda i, p: p, (wrong,)))
         (row,) = out["ground_residuals"].distances
-        assert row.role == "check" and row.difference == pytest.approx(-1.0, abs=4 * row.predicted)
+        assert row.role == "check" and row.difference == pytest.approx(-10.0, abs=4 * row.predicted)
         assert out["block"] == plain["block"]
+        assert any("The distance from" in text and "as one to a check point" in text for text in sentences(out["precision"]))
 
 
 def test_groups_share_the_redundancy(volos_like):
