@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
-from orthomill.schemas.errors import GeometryError
+from orthomill.schemas.errors import GeometryError, some_of
 from orthomill.schemas.orientation import Area, Block
 from orthomill.tasks.epipolar.area_cut import cut_to
 from orthomill.tasks.epipolar.height_precision import height_sigmas
@@ -43,6 +43,13 @@ Places = frozenset[tuple[int, int]]
 """places of a regular grid on the ground, by row and column"""
 _LEAST_DIP = 0.087
 """sine of 5 degrees below the horizon: the ground of flatter rays lies more than eleven flying heights away"""
+_HORIZON = "shows the horizon"
+_UPRIGHT = (
+    "A surface on the map is measured in photographs that look down. A wall or a row of houses gets its own with "
+    "grid: {kind: plane} in the stage densification, an object from all sides a mesh (docs/guide.md)."
+)
+_NAMED = 5
+"""photographs or pairs that are named with the reason that they share"""
 _GREATEST_ROOM = 0.35
 """share of the flying height; higher objects are rarely visible in two photographs, and the parallax range would explode"""
 
@@ -115,8 +122,7 @@ def choose_pairs(
 
 def _horizons(views: list[View], z: float) -> list[tuple[str, str]]:
     """Photographs without a footprint at height `z` (m), with the reason."""
-    reason = "shows the horizon; a surface is measured in photographs that look down"
-    return [(view.name, reason) for view in views if np.isnan(view.at_height(border_pixels(view), z)).any()]
+    return [(view.name, _HORIZON) for view in views if np.isnan(view.at_height(border_pixels(view), z)).any()]
 
 
 def _refused(views: list[View], found: list[Candidate], kept: list[Candidate], choice: PairChoice) -> list[tuple[str, str]]:
@@ -322,8 +328,12 @@ def _name(views: list[View], candidate: Candidate) -> str:
 
 
 def _no_pair(block: Block, found: list[Candidate], refused: list[tuple[str, str]]) -> str:
-    if not found and refused:
-        return "No pair of photographs is useful for matching: " + "; ".join(f"{name} {why}" for name, why in refused[:5]) + "."
-    if not found:
+    if not found and not refused:
         return f"None of the {len(block.photos)} oriented photographs share ground; a surface needs overlapping photographs."
-    return "No pair of photographs is useful for matching: " + "; ".join(f"{name}: {reason}" for name, reason in refused[:5]) + "."
+    names: dict[str, list[str]] = {}
+    for name, reason in refused:
+        names.setdefault(reason, []).append(name)
+    told = "; ".join(f"{some_of(of_one, _NAMED)}: {reason}" for reason, of_one in names.items())
+    # What people do who photograph a wall, or a street, with what is made for the ground.
+    advice = f" {_UPRIGHT}" if _HORIZON in names else ""
+    return f"No pair of photographs is useful for matching: {told}.{advice}"

@@ -123,6 +123,15 @@ def test_no_useful_pair_is_one_sentence():
         choose_pairs(strip_of(1), PairChoice(), 0.08)
 
 
+def test_photographs_along_a_street_are_told_once_with_what_to_do():
+    one = strip_of(7)
+    level = tuple(photo.model_copy(update={"omega_phi_kappa": (90.0, 0.0, 0.0)}) for photo in one.photos)
+    with pytest.raises(GeometryError) as told:
+        choose_pairs(one.model_copy(update={"photos": level}), PairChoice(), 0.08)
+    assert str(told.value).count("shows the horizon") == 1 and "and 2 more: shows the horizon" in str(told.value)
+    assert "grid: {kind: plane}" in str(told.value)
+
+
 def test_tie_points_of_a_pair():
     ties, pair = tie_points(), choose_pairs(block(), PairChoice(), 0.08).pairs[0]
     names = photos().names
