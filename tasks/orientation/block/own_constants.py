@@ -25,6 +25,11 @@ class OwnConstant:
     photos: tuple[str, ...]
     factor: float
 
+    @property
+    def undone(self) -> "OwnConstant":
+        """What takes it back."""
+        return OwnConstant(self.photos, 1.0 / self.factor)
+
 
 def refined(shown: tuple[OwnConstant, ...], by_positions: tuple[OwnConstant, ...]) -> tuple[OwnConstant, ...]:
     """What may be tried, each group of photographs once: those `shown` to be larger, with the constant that positions say of the

@@ -43,7 +43,7 @@ from orthomill.tasks.orientation.block.own_constants import OwnConstant, apart, 
 from orthomill.tasks.orientation.block.self_calibration import determinable_without_control, determined, unweighted
 from orthomill.tasks.orientation.exterior.bend_without_control import bend_without_control
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices, lever_sigma, vertical_sigma
-from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more
+from orthomill.tasks.orientation.exterior.compared_blocks import explains_clearly_more, explains_more, moved_positions
 from orthomill.tasks.orientation.exterior.counted_marks import counted_otherwise
 from orthomill.tasks.orientation.exterior.datum_afterwards import as_adjusted, explained_datum
 from orthomill.tasks.orientation.exterior.datum_of_part import datum_of_part
@@ -253,6 +253,11 @@ def _with_own_constants(
         if second is None:
             continue
         better = explains_clearly_more(second.results, first.results)
+        if better and moved_positions(second.results) > moved_positions(first.results):
+            # What another constant is to explain it would have explained of the positions, too: it is the start that was better.
+            same = _again(second, own.undone, with_cameras(cameras))
+            first = same if same is not None and explains_clearly_more(same.results, first.results) else first
+            continue
         # Without positions another flying height shows the ground as large.
         seen = own.photos in {one.photos for one in shown} and bool(first.results.problem.known.positioned.any())
         if better or (seen and not explains_clearly_more(first.results, second.results)):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from orthomill.schemas.findings.contradiction_findings import OffsetAdjusted
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.block.own_constants import clearly_less
@@ -32,3 +33,8 @@ def explains_clearly_more(second: BlockResults, first: BlockResults) -> bool:
     unit = min(second.result.sigma0_px, first.result.sigma0_px)
     missed, before = (_missed(one.result, unit) for one in (second, first))
     return explains_more(second, first) and clearly_less(missed, before, first.result)
+
+
+def moved_positions(block: BlockResults) -> int:
+    """How many groups of positions a block contradicts by more than their stated standard errors, each by a constant offset."""
+    return sum(isinstance(finding, OffsetAdjusted) and not finding.as_stated for finding in block.findings)
