@@ -46,8 +46,9 @@ class GuardedPhoto:
 def target_lines(path: Path, targets_of: Callable[[PhotoFile], tuple[FoundTarget, ...]], least: float) -> Iterator[str]:
     """The targets of a photograph, upright as it is displayed, as lines of CSV; uncoded ones with a score of `least` or more.
     Raises PhotoError."""
+    found = targets_of(GuardedPhoto(path))  # before the first line: a photograph that cannot be read has no table
     yield "name,kind,col,row,sigma,radius,score"
-    for one in targets_of(GuardedPhoto(path)):
+    for one in found:
         if one.name or one.score >= least:
             col, row = one.place
             yield f"{one.name},{one.kind},{col:.3f},{row:.3f},{one.sigma:.3f},{one.radius:.1f},{one.score:.2f}"
