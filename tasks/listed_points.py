@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.observations import NO_HEIGHT
+from orthomill.schemas.observations import NO_HEIGHT, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint
 from orthomill.tasks.orientation.control.control_files import read_points
@@ -32,23 +32,24 @@ def listed_points(text: str, own: str | None, crs: str) -> ListedPoints:
     known = [point for point in control.points if point.role != "tie"]
     checks = [point for point in known if point.role == "check"] or known
     places = _places(text)
-    without = {p.name for p in read_points(Photos(photos=()), text).points if math.isnan(p.xyz[2])}
+    read = read_points(Photos(photos=()), text, _ASSUMED).points
+    without = {p.name for p in read if math.isnan(p.xyz[2])}
     # Where no point has a height, control keeps one of zero.
     points = tuple(
         SurveyedPoint(p.name, p.xyz, (*p.sigma[:2], NO_HEIGHT) if p.name in without else p.sigma, places.get(p.name))
         for p in checks
     )
-    return ListedPoints(points, (*(finding.sentence for finding in control.findings), *_assumed(text)))
+    return ListedPoints(points, (*(finding.sentence for finding in control.findings), *_assumed(text, read)))
 
 
-def _assumed(text: str) -> tuple[str, ...]:
+def _assumed(text: str, read: tuple[ControlPoint, ...]) -> tuple[str, ...]:
     """A sentence where the list states no standard errors: what it states is the same whatever is assumed."""
-    first, second = (read_points(Photos(photos=()), text, stated).points for stated in (_ASSUMED, _OTHERS))
-    count = sum(one.sigma != other.sigma for one, other in zip(first, second, strict=True))
+    others = read_points(Photos(photos=()), text, _OTHERS).points
+    count = sum(one.sigma != other.sigma for one, other in zip(read, others, strict=True))
     if not count:
         return ()
     return (
-        f"{count} of {len(first)} points lack standard errors, for which {_ASSUMED.sigma_plan:g} m in plan and "
+        f"{count} of {len(read)} points lack standard errors, for which {_ASSUMED.sigma_plan:g} m in plan and "
         f"{_ASSUMED.sigma_height:g} m in height are assumed: add columns sigma_x, sigma_y, sigma_z.",
     )
 
