@@ -7,6 +7,7 @@ from orthomill.schemas.job import Table
 TESTED = "tested"
 """the reason of a point that can be tested"""
 WITHOUT_HEIGHT = "the point was surveyed without a height"
+UNEVEN = "beside an edge, a hole or estimated heights, where photographs show other ground than the orthoimage"
 
 
 class _Tested(BaseModel):
@@ -30,6 +31,8 @@ class HeightTest(_Tested):
     """rise over run of the ground around"""
     step: float | None = None
     """m, by which the ground around leaves its plane at most"""
+    uneven: bool = False
+    """whether edges, holes or estimated heights are among the cells around: what is seen there depends on from where"""
 
     @property
     def tested(self) -> bool:

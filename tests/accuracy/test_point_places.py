@@ -63,6 +63,7 @@ def test_a_surface_that_states_no_precision_is_tested_and_promises_nothing():
 def test_where_a_height_says_nothing_the_reason_is_told(surface, code, reason):
     found = height_at(cells(surface, code), X, Y, 0.1)
     assert not found.tested and reason in found.reason
+    assert found.uneven == ("slope" not in reason), "a slope is one plane: a place on it can be tested"
 
 
 def test_points_beyond_the_surface_are_told_apart():

@@ -21,7 +21,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import (
     place_in_orthoimage,
 )
 from orthomill.tasks.accuracy.points.point_patches import patches_of
-from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at, on_even_ground
 from orthomill.tasks.geometry.view import block_view
 
 Read = Callable[[MapGrid, Window], np.ndarray]
@@ -61,7 +61,7 @@ class Inspector:
             window = pixels_around(grid, x, y).clipped(grid.shape)
             pixels = np.zeros((0, 0, 3)) if window.empty else read(grid, window)
             patches = tuple(self._patches(point, grid.cell))
-            place = place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz))
+            place = on_even_ground(place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz)), height)
         under = any(fnmatchcase(point.name, pattern) for pattern in self.vegetated)
         known = {"name": point.name, "surveyed": point.xyz, "sigma": point.sigma, "vegetated": under}
         return PointTest(**known, height=beside_survey(height, point.sigma[2]), place=place)

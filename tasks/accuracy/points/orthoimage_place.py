@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.accuracy.point_tests import TESTED, PlaceTest
+from orthomill.schemas.accuracy.point_tests import PlaceTest
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.accuracy.points.agreeing_places import agreed_place
 from orthomill.tasks.geometry.view import View
 from orthomill.tasks.imagery.pyramid import full_to_level
 from orthomill.tasks.imagery.radiometry import grey
@@ -30,8 +31,6 @@ _ALIKE = 0.6
 """correlation from which a place may be the point's"""
 _VAGUE = 0.25
 """pixels of the orthoimage: a match with a larger standard error is one of other ground, as beside walls, whose patches lean"""
-_DISAGREE = 4.0
-"""standard errors by which a photograph may lie off the middle of the others before it is left out"""
 
 
 @dataclass(frozen=True)
@@ -97,31 +96,15 @@ def place_in_orthoimage(ortho: OrthoPixels, patches: tuple[MarkedPatch, ...], gr
         return PlaceTest(reason="outside of the orthoimage")
     if not patches:
         return PlaceTest(reason="marked in no photograph")
-    found = [_found(ortho, _drawn(patch, ortho.grid, ground)) for patch in patches]
-    several = zip(found, patches, strict=True)
-    known = [(place, _precision(sigma, patch, ground)) for (place, sigma), patch in several if place is not None]
+    drawn = [(patch, _drawn(patch, ortho.grid, ground)) for patch in patches]
+    whole = [(patch, pixels) for patch, pixels in drawn if np.isfinite(_compared(pixels)).all()]
+    if not whole:
+        return PlaceTest(reason="marked only at the border of photographs")
+    found = [(_found(ortho, pixels), patch) for patch, pixels in whole]
+    known = [(place, _precision(sigma, patch, ground)) for (place, sigma), patch in found if place is not None]
     if not known:
         return PlaceTest(reason=f"not found within {SEARCH} pixels: no patch of a photograph resembles the orthoimage here")
-    places, variances = np.array([k[0] for k in known]), np.array([k[1] for k in known])
-    return _mean(places, variances)
-
-
-def _mean(places: np.ndarray, variances: np.ndarray) -> PlaceTest:
-    """The weighted mean of places (N, 2) m with variances (N, 2) m2, without those that contradict the middle of the others."""
-    middle = np.median(places, axis=0)
-    agree = (np.abs(places - middle) <= _DISAGREE * np.sqrt(variances)).all(axis=1)
-    keep = agree if agree.any() else np.ones(len(places), bool)
-    weight = 1 / variances[keep]
-    mean = (places[keep] * weight).sum(axis=0) / weight.sum(axis=0)
-    variance = 1 / weight.sum(axis=0)
-    count = int(keep.sum())
-    if count > 1:
-        # What the patches say of themselves, where they say more than their stated errors do.
-        spread = ((places[keep] - mean) ** 2 * weight).sum(axis=0) / (count - 1)
-        variance *= np.maximum(spread, 1.0)
-    x, y = map(float, mean)
-    sx, sy = map(float, np.sqrt(variance))
-    return PlaceTest(reason=TESTED, place=(x, y), sigma=(sx, sy), photos=count)
+    return agreed_place(np.array([k[0] for k in known]), np.array([k[1] for k in known]), len(whole))
 
 
 def _precision(sigma: np.ndarray, patch: MarkedPatch, ground: GroundPlane) -> np.ndarray:
@@ -167,13 +150,18 @@ def _found(ortho: OrthoPixels, patch: np.ndarray) -> tuple[np.ndarray | None, np
     return place, grid.cell * sigma
 
 
+def _compared(patch: np.ndarray) -> np.ndarray:
+    """The window of a drawn patch that is compared."""
+    middle = patch.shape[0] // 2
+    return patch[middle - HALF : middle + HALF + 1, middle - HALF : middle + HALF + 1]
+
+
 def _most_alike(image: np.ndarray, patch: np.ndarray) -> np.ndarray | None:
     """(col, row) in the image where the middle of a patch correlates best; None where nothing is alike."""
     import cv2
 
-    half, middle = HALF, patch.shape[0] // 2
-    window = patch[middle - half : middle + half + 1, middle - half : middle + half + 1]
-    if not np.isfinite(window).all() or min(image.shape) < window.shape[0]:
+    window = _compared(patch)
+    if min(image.shape) < window.shape[0]:
         return None
     known = np.isfinite(image)
     if not known.any():
@@ -182,4 +170,4 @@ def _most_alike(image: np.ndarray, patch: np.ndarray) -> np.ndarray | None:
     row, col = np.unravel_index(int(np.nanargmax(np.where(np.isfinite(score), score, -1))), score.shape)
     if score[row, col] < _ALIKE - 0.2:
         return None
-    return np.array([col + half, row + half], np.float64)
+    return np.array([col + HALF, row + HALF], np.float64)

@@ -10,7 +10,7 @@ from orthomill.schemas.orientation import Block, GroundResiduals
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.points.orthoimage_place import GroundPlane, MarkedPatch, OrthoPixels, place_in_orthoimage
 from orthomill.tasks.accuracy.points.point_patches import PatchPlace
-from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, height_at
+from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, height_at, on_even_ground
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.visibility.monoplotting import point_covariance
 
@@ -64,7 +64,7 @@ def point_beside_products(
         height=beside_survey(own_test, point.sigma[2]),
         corrected=_height_at(_corrected(heights, corrected, place), point, rules),
         terrain=beside_survey(_height_at(_terrain(terrain, place), point, rules), point.sigma[2]),
-        place=_place(ortho, photos, block, point, place, _height_sigma(own_test)),
+        place=_place(ortho, photos, block, point, place, own_test),
         block=residual.difference if residual else None,
         block_predicted=residual.predicted if residual else None,
     )
@@ -108,7 +108,7 @@ def _place(
     block: Block,
     point: ControlPoint,
     place: PointPlace,
-    height_sigma: float,
+    height: HeightTest | None,
 ) -> PlaceTest | None:
     if place.ortho is None:
         return None
@@ -119,7 +119,8 @@ def _place(
         for at, pixels in zip(place.patches, photos, strict=True)
     )
     found = place_in_orthoimage(OrthoPixels(place.ortho, place.pixels, ortho[0]), patches, GroundPlane(point.xyz))
-    return found.model_copy(update={"promised": _promised(block, point, tuple(at.photo for at in place.patches), height_sigma)})
+    promised = _promised(block, point, tuple(at.photo for at in place.patches), _height_sigma(height))
+    return on_even_ground(found.model_copy(update={"promised": promised}), height)
 
 
 def _promised(block: Block, point: ControlPoint, photos: tuple[str, ...], height_sigma: float) -> tuple[float, float] | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.accuracy.point_tests import TESTED, WITHOUT_HEIGHT, HeightTest
+from orthomill.schemas.accuracy.point_tests import TESTED, UNEVEN, WITHOUT_HEIGHT, HeightTest, PlaceTest
 from orthomill.schemas.observations import NO_HEIGHT
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import MEASURED
@@ -55,20 +55,29 @@ def height_at(cells: CellsAround, x: float, y: float, steepest: float) -> Height
         return HeightTest(reason="at the border of the surface")
     values = cells.height[between]
     if not np.isfinite(values).all():
-        return HeightTest(reason="the surface has no height here")
+        return HeightTest(reason="the surface has no height here", uneven=True)
     height, stated = float((weight * values).sum()), float((weight * cells.sigma[between]).sum())
     sigma, datum = (stated if np.isfinite(stated) else None), _shared(cells, between, weight)
     plane = _ground_plane(cells, x, y)
     if plane is None:
-        return HeightTest(reason="beside a hole of the surface", height=height, sigma=sigma, datum=datum)
+        return HeightTest(reason="beside a hole of the surface", height=height, sigma=sigma, datum=datum, uneven=True)
     slope, step = plane
-    reason = _reason(cells, slope, step, steepest)
-    return HeightTest(reason=reason, height=height, sigma=sigma, datum=datum, slope=slope, step=step)
+    known = {"height": height, "sigma": sigma, "datum": datum, "slope": slope, "step": step}
+    uneven = _uneven(cells, step)
+    if uneven:
+        return HeightTest(reason=uneven, uneven=True, **known)
+    return HeightTest(reason=f"on a slope of {100 * slope:.0f} %" if slope > steepest else TESTED, **known)
 
 
 def beside_survey(test: HeightTest | None, sigma_z: float) -> HeightTest | None:
     """The test of a height at a point surveyed with a standard error (m) in height; untested where that says it has none."""
     return test.model_copy(update={"reason": WITHOUT_HEIGHT}) if test and test.tested and sigma_z >= NO_HEIGHT else test
+
+
+def on_even_ground(place: PlaceTest, height: HeightTest | None) -> PlaceTest:
+    """The test of a place in an orthoimage, untested where the surface says that the ground around is uneven: patches are drawn on
+    one plane, and what rises above it or is hidden behind it is another picture in each photograph and in the orthoimage."""
+    return place.model_copy(update={"reason": UNEVEN}) if place.tested and height and height.uneven else place
 
 
 def _shared(cells: CellsAround, between: tuple[slice, slice], weight: np.ndarray) -> float | None:
@@ -108,7 +117,8 @@ def _ground_plane(cells: CellsAround, x: float, y: float) -> tuple[float, float]
     return float(np.hypot(found[1], found[2])) / cells.grid.cell, float(away.max())
 
 
-def _reason(cells: CellsAround, slope: float, step: float, steepest: float) -> str:
+def _uneven(cells: CellsAround, step: float) -> str | None:
+    """Why the ground around is not one measured plane; None where it is."""
     if cells.code is not None and not np.isin(cells.code, MEASURED).all():
         share = 1 - float(np.isin(cells.code, MEASURED).mean())
         if share > 0.1:
@@ -116,6 +126,4 @@ def _reason(cells: CellsAround, slope: float, step: float, steepest: float) -> s
     spread = STEP_SIGMAS * float(np.nan_to_num(np.nanmedian(cells.sigma)) if np.isfinite(cells.sigma).any() else 0.0)
     if step > max(spread, STEP_CELLS * cells.grid.cell):
         return f"beside an edge: heights {step:.2g} m off the ground's plane within {REACH} cells"
-    if slope > steepest:
-        return f"on a slope of {100 * slope:.0f} %"
-    return TESTED
+    return None
