@@ -79,6 +79,8 @@ class FirstPage:
     answers: tuple[tuple[str, str], ...]
     """(question, answer)"""
     products: tuple[ProductFile, ...]
+    surveyed: bool = True
+    """whether anything lies in the reference system; a calibration alone is no survey"""
     classes: tuple[str, ...] = ()
     """accuracy class of every product and whether it keeps what the survey allows, one sentence for each source"""
 
@@ -89,13 +91,16 @@ def first_page(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts, 
     reasons = tuple(_reasons(reports, stages))
     silent = tuple(title for kind, title in stages if run.stage(kind).jobs and not _judged(kind, reports))
     level = _level(reasons, cautions, stages, run, silent)
+    given = {answer.topic: answer.text for kind, _ in stages if kind in reports for answer in reports[kind].answers}
+    surveyed = bool(given.keys() - {*OF_A_CAMERA, Topic.PHOTOGRAPHS}) or not given.keys() & {*OF_A_CAMERA}
     return FirstPage(
         level=level,
         headline=f"{WORDS[level]}: {_state(level, cautions, stages, run, silent)}",
         reasons=reasons,
         cautions=cautions,
-        answers=tuple(_answers(reports, stages, run)),
+        answers=tuple(_answers(given, run, surveyed)),
         products=tuple(_products(reports, stages, folder)),
+        surveyed=surveyed,
         classes=tuple(product_classes(reports, folder, run.tolerances)),
     )
 
@@ -210,17 +215,14 @@ def _cautions(reports: Reports, stages: tuple[StageTitle, ...]) -> Iterator[Caut
         yield from (Caution(kind, title, cost, sentence) for cost, sentences in groups for sentence in sentences)
 
 
-def _answers(reports: Reports, stages: tuple[StageTitle, ...], run: RunFacts) -> Iterator[tuple[str, str]]:
-    given = {answer.topic: answer.text for kind, _ in stages if kind in reports for answer in reports[kind].answers}
+def _answers(given: dict[Topic, str], run: RunFacts, surveyed: bool) -> Iterator[tuple[str, str]]:
+    said = {**given, Topic.TIME: _time(run)}
     # What a survey is asked has no answer in a calibration alone, which is no survey.
-    surveyed = bool(given.keys() - {*OF_A_CAMERA, Topic.PHOTOGRAPHS}) or not given.keys() & {*OF_A_CAMERA}
     if surveyed:
-        reference = given.get(Topic.REFERENCE, "")
-        given[Topic.REFERENCE] = f"{run.crs}, {reference}" if reference else run.crs
-    given[Topic.TIME] = _time(run)
+        said[Topic.REFERENCE] = ", ".join(filter(None, (run.crs, given.get(Topic.REFERENCE))))
     for topic in Topic:
-        if topic in given or (surveyed and topic not in (*OF_A_CAMERA, *WHERE_CHECKED)):
-            yield str(topic), given.get(topic, NOT_DETERMINED)
+        if topic in said or (surveyed and topic not in (*OF_A_CAMERA, *WHERE_CHECKED)):
+            yield str(topic), said.get(topic, NOT_DETERMINED)
 
 
 def _time(run: RunFacts) -> str:

@@ -93,6 +93,12 @@ def test_a_shifted_surface_is_reported_as_a_whole_and_not_as_an_area():
     assert figures(found)["suspicious_areas"] == 0
 
 
+def test_corrections_that_scatter_are_no_shift_of_the_whole():
+    (warning,) = reported(5 * noisy() - 0.7, pixel_height=2.0).warnings
+    assert warning.startswith("The corrections that the photographs ask for scatter by 1 m (robust spread) about -0.69 m")
+    assert "control" not in warning
+
+
 def test_a_tilted_surface_is_reported_with_its_gradients():
     x, _y = np.meshgrid(*GRID.centres(Window(0, 0, *GRID.shape)))
     found = reported(noisy() + 0.01 * (x - x.mean()))

@@ -41,11 +41,17 @@ def _not_turned(advice: Advice) -> str:
 
 def _little_coverage(advice: Advice) -> str:
     cells = f"{CELLS} x {CELLS} cells"
-    return f"Corners cover only {100 * advice.value:.0f} % of the frame's {cells}; distortion elsewhere is extrapolated."
+    return (
+        f"Corners cover only {100 * advice.value:.0f} % of the frame's {cells}; distortion elsewhere is extrapolated: add "
+        "photographs with boards near the edges and in the corners of the frame."
+    )
 
 
 def _strong_correlation(advice: Advice) -> str:
-    return f"Strong correlations between interior and exterior orientation: {', '.join(_percentages(advice))}."
+    return (
+        f"Strong correlations between interior and exterior orientation: {', '.join(_percentages(advice))}; add photographs that "
+        "are turned by 90 degrees and tilted towards all four sides."
+    )
 
 
 def _not_checked(advice: Advice) -> str:

@@ -105,7 +105,8 @@ def report(
     sight = CheckSight(detectable, blocks.wide, pairs.pixel_height, blocks.tolerance, kept)
     tilts = _tilt_warnings(trend, pairs, detectable)
     shifted = shift_warnings(of_file, not keeps, blocks.grid.cell) if of_file else ()
-    told = (*_surface_warnings(tiles, trend, pairs, of_file is None), *tilts, *shifted)
+    own = () if of_file else _shift_of_whole(trend.middle, whole.nmad, pairs.pixel_height)
+    told = (*_surface_warnings(tiles), *own, *tilts, *shifted)
     losses = (*area_warnings(areas, trend, blocks.words), *beyond_warning(tiles, blocks.grid.cell))
     found = StageReport(
         verdict=check_verdict(tiles, whole, sight, blocks.words),
@@ -372,7 +373,7 @@ def _pictures(pairs: CheckedPairs, whole: Summary, words: AreaWords) -> tuple[Pi
     )
 
 
-def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: CheckedPairs, own: bool) -> Iterator[str]:
+def _surface_warnings(tiles: tuple[TileCounts, ...]) -> Iterator[str]:
     heights, checked = sum(tile.heights for tile in tiles), sum(tile.checked for tile in tiles)
     # with less than half of the surface checked the figures above do not speak for the whole
     if checked < 0.5 * heights:
@@ -380,11 +381,23 @@ def _surface_warnings(tiles: tuple[TileCounts, ...], trend: Trend, pairs: Checke
             f"Only {percent(checked, heights):.0f} % of the measured surface could be checked; the rest lies outside the pairs of "
             "photographs, has too little texture, or is hidden in one of them. What is said here holds for what was checked."
         )
-    # The shift of a surface from a file has a sentence of its own, with its standard error.
-    if own and abs(trend.middle) > _SHIFT_LIMIT * pairs.pixel_height:
+
+
+def _shift_of_whole(middle: float, nmad: float, pixel_height: float) -> Iterator[str]:
+    """Of a surface that was matched here (m); one from a file has a sentence of its own, with its standard error."""
+    if abs(middle) <= _SHIFT_LIMIT * pixel_height:
+        return
+    # A shift is in all heights alike; corrections that scatter by more than it are of heights that are wrong one by one.
+    if abs(middle) > nmad:
         yield (
-            f"The surface as a whole is {_side(trend.middle)} by about {abs(trend.middle):.2g} m relative to the photographs. "
-            "Matching does not do that: check control, positions and camera."
+            f"The surface as a whole is {_side(middle)} by about {abs(middle):.2g} m relative to the photographs. Matching does "
+            "not do that: check control, positions and camera."
+        )
+    else:
+        yield (
+            f"The corrections that the photographs ask for scatter by {nmad:.2g} m (robust spread) about {middle:+.2g} m: heights "
+            "are wrong in many places, and no shift of the whole explains that. Smaller windows, or the default way of matching "
+            "(object_space), follow the ground more closely."
         )
 
 

@@ -177,10 +177,10 @@ def test_searches_with_blur_saturation_and_other_boards_are_reported():
         (Advice(Weakness.LITTLE_TILT, 8.26), ["Most photographs", "median tilt 8.3 degrees", "Z0 are correlated"]),
         (Advice(Weakness.ONE_SIDED_TILT), ["one side only", "all four sides"]),
         (Advice(Weakness.NOT_TURNED, 12.6), ["13 degrees at most", "turned by 90 degrees"]),
-        (Advice(Weakness.LITTLE_COVERAGE, 0.253), ["25 % of the frame's 8 x 8 cells", "extrapolated"]),
+        (Advice(Weakness.LITTLE_COVERAGE, 0.253), ["25 % of the frame's 8 x 8 cells", "extrapolated", "in the corners"]),
         (
             Advice(Weakness.STRONG_CORRELATION, names=("c and Z0", "x0 and phi"), values=(0.95, 0.991)),
-            ["c and Z0 (95 %), x0 and phi (99 %)."],
+            ["c and Z0 (95 %), x0 and phi (99 %); add photographs"],
         ),
         (Advice(Weakness.NOT_CHECKED), ["too few photographs", "held-out"]),
         (Advice(Weakness.HELD_OUT_WORSE, 1.84), ["1.8 times worse", "standard errors", "too small"]),

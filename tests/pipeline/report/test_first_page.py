@@ -90,8 +90,9 @@ def test_every_question_is_answered_and_a_later_stage_knows_better(tmp_path):
 
 def test_a_calibration_alone_is_not_asked_for_a_survey(tmp_path):
     camera = StageReport(verdict=says("good", weighs=False), answers=(Answer(topic=Topic.CAMERA, text="c 900 px"),))
-    answers = dict(first_page({"calibration": camera}, (("calibration", "Calibration"),), run("calibration"), tmp_path).answers)
-    assert list(answers) == [Topic.CAMERA, Topic.TIME], "neither a pixel on the ground nor a system that it has none of"
+    alone = first_page({"calibration": camera}, (("calibration", "Calibration"),), run("calibration"), tmp_path)
+    assert [topic for topic, _ in alone.answers] == [Topic.CAMERA, Topic.TIME], "neither a pixel on the ground nor a system"
+    assert not alone.surveyed and page({}, folder=tmp_path).surveyed, "what the head of the page names the system by"
     surveyed = StageReport(answers=(Answer(topic=Topic.AREA, text="2 ha"),))
     both = dict(page({"simulation": camera, "texture": surveyed}, folder=tmp_path).answers)
     assert both[Topic.CAMERA] == "c 900 px" and both[Topic.HEIGHTS] == NOT_DETERMINED
