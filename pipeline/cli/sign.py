@@ -14,7 +14,7 @@ from orthomill.pipeline.records.verification import examine
 from orthomill.pipeline.report.first_page import FirstPage, first_page
 from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.report.results import rewrite_page
-from orthomill.pipeline.signing.signature import keep, sign
+from orthomill.pipeline.signing.signature import SIGNATURE, keep, sign
 from orthomill.pipeline.signing.signing_key import default_key_path, new_key, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
 from orthomill.pipeline.storage.depots.kept_at import bring_products
@@ -68,6 +68,10 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
         bring_products(folder)
         if not person.agrees(page):
             return None
+        own = _key(key, person)
+        # The page is signed as it is without a signature; the new one takes the place of an earlier one.
+        (folder / SIGNATURE).unlink(missing_ok=True)
+        rewrite_page(Store(folder), folder, titles_of(loaded.stages), facts)
         statement = Statement(
             project=loaded.project.project,
             orthomill=facts.version,
@@ -80,7 +84,7 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
             files={path: digest_of(folder / path) for path in signed_paths(folder)},
             inputs={path: digest_of(loaded.root / path) for path in named_inputs(loaded.project)},
         )
-        path = keep(sign(statement, _key(key, person)), folder)
+        path = keep(sign(statement, own), folder)
         rewrite_page(Store(folder), folder, titles_of(loaded.stages), facts)
         return path
 

@@ -11,8 +11,8 @@ ACCEPTANCE = "acceptance.json"
 
 
 def accepted_part(folder: Path) -> AcceptanceResult | None:
-    """The clauses of the last acceptance of the products that lie in the run's folder now; None without one, where a product is
-    newer, and for one that cannot be read."""
+    """The last acceptance, if it is of the products that lie in the run's folder now; None without one, where a product is newer,
+    and for one that cannot be read."""
     path = folder / ACCEPTANCE
     if not path.is_file():
         return None
@@ -20,7 +20,12 @@ def accepted_part(folder: Path) -> AcceptanceResult | None:
     products = [file for kind in ("*.tif", "*.json") for file in (folder / "products").glob(kind)]
     if any(file.stat().st_mtime_ns > held for file in products):
         return None
+    return read_acceptance(folder)
+
+
+def read_acceptance(folder: Path) -> AcceptanceResult | None:
+    """The last acceptance of a run; None without one, and for one that cannot be read."""
     try:
-        return AcceptanceResult.model_validate_json(path.read_text(encoding="utf-8"))
-    except (ValidationError, UnicodeDecodeError):
+        return AcceptanceResult.model_validate_json((folder / ACCEPTANCE).read_text(encoding="utf-8"))
+    except (OSError, ValidationError, UnicodeDecodeError):
         return None

@@ -7,10 +7,8 @@ page loads nothing from the network: its pictures are data URIs, and a content s
 """
 
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageRun, StageTitle
@@ -18,11 +16,10 @@ from orthomill.pipeline.report import numbers
 from orthomill.pipeline.report.accepted_part import accepted_part
 from orthomill.pipeline.report.charts import chart_svg, colour_bar_svg, thinned
 from orthomill.pipeline.report.first_page import Caution, FirstPage, Reports, first_page, not_asked_for
+from orthomill.pipeline.report.page_template import page_template
 from orthomill.pipeline.report.pictures import Drawing, draw
 from orthomill.pipeline.report.present_reports import present_reports
-from orthomill.pipeline.signing.signature import check_signature
-from orthomill.pipeline.signing.signature_lines import signature_lines
-from orthomill.pipeline.signing.statement import Statement
+from orthomill.pipeline.report.signed_page import signed_part
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
@@ -112,7 +109,7 @@ def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFa
     sections = tuple(_section(store, stage, run, reports, answers, bars) for stage in stages)
     # What is simulated, or compared with a known truth, comes after what a real survey would have.
     sections = tuple(sorted(sections, key=lambda section: section.report.aside))
-    return _template().render(
+    return page_template("report.html").render(
         run=run,
         first=answers,
         sections=sections,
@@ -125,27 +122,6 @@ def report_html(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFa
     )
 
 
-@dataclass(frozen=True)
-class SignedPart:
-    """The signature under the run, and what is to be said of it now."""
-
-    statement: Statement
-    fingerprint: str
-    holds: bool
-    lines: tuple[str, ...]
-
-
-def signed_part(folder: Path) -> SignedPart | None:
-    """The signature of a run as the page shows it; None without one, and for one that cannot be read."""
-    try:
-        check = check_signature(folder)
-    except StoreError:  # `orthomill verify` says what is wrong with it; the page is about the results
-        return None
-    if check is None:
-        return None
-    return SignedPart(check.signature.statement, check.signature.fingerprint, check.holds, tuple(signature_lines(check)))
-
-
 def leading(sections: tuple[Section, ...]) -> tuple[PictureView, ...]:
     """The pictures at the top: results as marked, those of the last stage first, in its order; before there are any, what the last
     stages show."""
@@ -153,18 +129,6 @@ def leading(sections: tuple[Section, ...]) -> tuple[PictureView, ...]:
     marked = [view for section in latest_first for view in section.pictures if view.drawing and view.picture.first_page]
     firsts = [section.pictures[0] for section in latest_first if section.pictures and section.pictures[0].drawing]
     return tuple((marked or firsts)[:LEADING])
-
-
-@cache
-def _template() -> Template:
-    # StrictUndefined: a misspelt name in the template fails in the tests instead of leaving a gap in the page.
-    loader = FileSystemLoader(Path(__file__).parent / "templates")
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(
-        number=numbers.number_text, duration=numbers.duration_text, memory=numbers.memory_text, ground_length=length_text
-    )
-    environment.filters.update(bytes=numbers.bytes_text)
-    return environment.get_template("report.html")
 
 
 class _Counter:
@@ -265,12 +229,3 @@ def _grid_view(grid: Grid) -> GridView:
     columns = [tuple(row[place] if place < len(row) else None for row in grid.rows) for place in range(len(grid.columns))]
     texts = [numbers.column_texts(column) for column in columns]
     return GridView(grid, tuple(numbers.is_numeric(column) for column in columns), tuple(zip(*texts, strict=True)))
-
-
-def length_text(metres: float) -> str:
-    """A length on the ground: 50 m, 2 km, 5 mm."""
-    if metres >= 1000:
-        return f"{metres / 1000:g}{numbers.NARROW_SPACE}km"
-    if metres < 0.1:
-        return f"{metres * 1000:g}{numbers.NARROW_SPACE}mm"
-    return f"{metres:g}{numbers.NARROW_SPACE}m"

@@ -4,6 +4,7 @@ A signature proves that whoever has the key stated this about exactly these file
 fingerprint is compared with the one that the signer gives by other means.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from orthomill.pipeline.signing.signing_key import fingerprint, public_bytes
-from orthomill.pipeline.signing.statement import Statement, digest_of, signed_paths
+from orthomill.pipeline.signing.statement import ACCEPTED, REPORT, SignedFile, Statement, digest_of, signed_paths
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
@@ -42,6 +43,9 @@ class SignedStatement(BaseModel):
         except (InvalidSignature, ValueError):
             return False
         return True
+
+
+Page = Callable[[Path, SignedStatement], SignedFile]
 
 
 @dataclass(frozen=True)
@@ -83,14 +87,25 @@ def read_signature(folder: Path) -> SignedStatement | None:
         raise StoreError(f"{path} is damaged or of another version of orthomill; sign again with: orthomill sign.") from error
 
 
-def check_signature(folder: Path) -> SignatureCheck | None:
-    """The signature of a run, runs/<project>, beside its files and those of its project as they are now; None without one. Raises
-    StoreError."""
+def check_signature(folder: Path, page: Page | None) -> SignatureCheck | None:
+    """The signature of a run, runs/<project>, beside its files and those of its project as they are now; None without one.
+
+    page: the digest of the report without what a signature adds to it; None: the report is not looked at. Raises StoreError.
+    """
     signature = read_signature(folder)
     if signature is None:
         return None
     present, signed = set(signed_paths(folder)), signature.statement.files
-    changed = tuple(path for path in sorted(present & set(signed)) if digest_of(folder / path) != signed[path])
+    changed = tuple(path for path in sorted(present & set(signed)) if _has_changed(folder, path, signature, page))
+    missing, added = sorted(set(signed) - present), sorted(present - set(signed) - {REPORT, *ACCEPTED})
+    if page is None:
+        missing = [path for path in missing if path != REPORT]
     root, given = folder.resolve().parent.parent, signature.statement.inputs
     inputs = tuple(path for path in sorted(given) if not (root / path).is_file() or digest_of(root / path) != given[path])
-    return SignatureCheck(signature, changed, tuple(sorted(set(signed) - present)), tuple(sorted(present - set(signed))), inputs)
+    return SignatureCheck(signature, changed, tuple(missing), tuple(added), inputs)
+
+
+def _has_changed(folder: Path, path: str, signature: SignedStatement, page: Page | None) -> bool:
+    if path != REPORT:
+        return digest_of(folder / path) != signature.statement.files[path]
+    return page is not None and page(folder / path, signature) != signature.statement.files[path]

@@ -14,6 +14,10 @@ _SINCE = {"classes": 2, "inputs": 3}
 PRODUCTS = "products"
 OTHERS = ("summary.json", "workflow.yaml")
 """files of a run that are signed beside the products"""
+REPORT = "report.html"
+"""signed as it is without the signature that it shows"""
+ACCEPTED = ("acceptance.json", "acceptance.html")
+"""signed where they are there; a delivery may also be accepted after it was signed"""
 _PIECE = 2**22  # bytes that are read at a time
 
 
@@ -73,8 +77,13 @@ class Statement(BaseModel):
 def signed_paths(folder: Path) -> Iterator[str]:
     """The files of a run that a signature covers, in order of name, relative to its folder."""
     products = (path for path in (folder / PRODUCTS).rglob("*") if path.is_file())
-    others = (folder / name for name in OTHERS if (folder / name).is_file())
+    others = (folder / name for name in (*OTHERS, *ACCEPTED, REPORT) if (folder / name).is_file())
     yield from sorted(path.relative_to(folder).as_posix() for path in (*products, *others))
+
+
+def digest_of_bytes(content: bytes) -> SignedFile:
+    """Size and digest of what a file holds."""
+    return SignedFile(size=len(content), sha256=hashlib.sha256(content).hexdigest())
 
 
 def digest_of(path: Path) -> SignedFile:

@@ -74,6 +74,7 @@ def verify(name: Name, debug: Debug = False) -> None:
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.cli.verification_lines import verification_lines
     from orthomill.pipeline.records.verification import verify as verify_results
+    from orthomill.pipeline.report.signed_page import covered_page
     from orthomill.pipeline.signing.restatement import restated
     from orthomill.pipeline.signing.signature import check_signature
     from orthomill.pipeline.signing.signature_lines import signature_lines
@@ -84,7 +85,7 @@ def verify(name: Name, debug: Debug = False) -> None:
         if not folder.is_dir():
             raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
         found = verify_results(folder)
-        signed = check_signature(folder)
+        signed = check_signature(folder, covered_page)
         differs = restated(folder, statement_of)
         said = (differs,) if differs else ()
         for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ()), *said):

@@ -9,7 +9,8 @@ from memory_store import MemoryStore
 
 from orthomill.pipeline.engine.run_facts import Failure, RunFacts, StageRun
 from orthomill.pipeline.report.accepted_part import accepted_part
-from orthomill.pipeline.report.page import PictureView, Section, figure_row, label_of, leading, length_text, report_html
+from orthomill.pipeline.report.page import PictureView, Section, figure_row, label_of, leading, report_html
+from orthomill.pipeline.report.page_template import length_text
 from orthomill.pipeline.report.pictures import Drawing
 from orthomill.schemas.accuracy.acceptance import AcceptanceResult, Clause
 from orthomill.schemas.stage_report import Figure, Grid, Picture, StageReport, Verdict, report_table

@@ -11,11 +11,14 @@ from cryptography.hazmat.primitives.serialization import BestAvailableEncryption
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from orthomill.pipeline.report.page_template import page_template
+from orthomill.pipeline.report.signed_page import covered_page, signed_part
 from orthomill.pipeline.signing.product_classes import product_classes
 from orthomill.pipeline.signing.signature import SIGNATURE, check_signature, keep, read_signature, sign
 from orthomill.pipeline.signing.signature_lines import SHOWN, signature_lines
 from orthomill.pipeline.signing.signing_key import default_key_path, fingerprint, new_key, public_bytes, read_key
 from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
+from orthomill.schemas.accuracy.acceptance import AcceptanceResult
 from orthomill.schemas.accuracy.accuracy_statement import class_of
 from orthomill.schemas.errors import ResourceError, StoreError
 from orthomill.schemas.project import Tolerances
@@ -38,6 +41,10 @@ def statement(folder, **changes) -> Statement:
     return Statement(**(given | changes))
 
 
+def checked(folder):
+    return check_signature(folder, covered_page)
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A run with two products, one of them in a folder, and its figures."""
@@ -46,7 +53,7 @@ def folder(tmp_path):
     (tmp_path / "products" / "points" / "0-0.laz").write_bytes(b"points")
     (tmp_path / "summary.json").write_text("{}")
     (tmp_path / "workflow.yaml").write_text("project: site\n")
-    (tmp_path / "report.html").write_text("the report shows the signature and is not signed itself")
+    (tmp_path / "report.html").write_text("the report")
     return tmp_path
 
 
@@ -57,11 +64,17 @@ def signed(folder):
 
 
 def test_products_figures_and_workflow_are_covered(folder):
-    assert list(signed_paths(folder)) == ["products/dsm.tif", "products/points/0-0.laz", "summary.json", "workflow.yaml"]
+    assert list(signed_paths(folder)) == [
+        "products/dsm.tif",
+        "products/points/0-0.laz",
+        "report.html",
+        "summary.json",
+        "workflow.yaml",
+    ]
 
 
 def test_a_signature_holds_while_nothing_changes(signed):
-    check = check_signature(signed)
+    check = checked(signed)
     assert check.holds and check.signature.fingerprint == fingerprint(public_bytes(KEY))
     (line,) = signature_lines(check)
     assert line.startswith("the signature of A. Surveyor, licensed, 2026-11-22T12:00:00+00:00, holds; key ")
@@ -78,7 +91,7 @@ def test_a_signature_holds_while_nothing_changes(signed):
 )
 def test_a_file_that_is_not_as_it_was_signed_is_named(signed, spoil, said):
     spoil(signed)
-    check = check_signature(signed)
+    check = checked(signed)
     first, last = signature_lines(check)
     assert not check.holds and first == said and "no longer belongs to these results" in last
 
@@ -88,30 +101,63 @@ def test_the_files_that_results_were_made_from_are_signed_as_well(tmp_path):
     folder.mkdir(parents=True)
     control.write_text("P1,check,1,2,3")
     keep(sign(statement(folder, inputs={"control.csv": digest_of(control)}), KEY), folder)
-    assert check_signature(folder).holds
+    assert checked(folder).holds
     control.write_text("P1,check,1,2,4")
-    first, _ = signature_lines(check_signature(folder))
+    first, _ = signature_lines(checked(folder))
     assert first == "control.csv is not the file any more that the results were made from"
     control.unlink()
-    assert not check_signature(folder).holds
+    assert not checked(folder).holds
 
 
 @pytest.mark.parametrize("form", [1, 2])
 def test_signatures_of_earlier_formats_hold(folder, form):
     made = statement(folder, format=form, classes=("dsm: 5 cm",) if form == 2 else ())
     keep(sign(made, KEY), folder)
-    assert check_signature(folder).holds and b"inputs" not in made.canonical()
+    assert checked(folder).holds and b"inputs" not in made.canonical()
 
 
-def test_the_report_may_be_written_again(signed):
-    (signed / "report.html").write_text("another day")
-    assert check_signature(signed).holds
+def shown(folder, *parts):
+    """The report with parts added to it as the page adds them."""
+    macros = page_template("parts.html").module
+    texts = [macros.signature_part(signed_part(folder)), *(macros.acceptance_part(part) for part in parts)]
+    (folder / "report.html").write_text("the " + "".join(map(str, texts)) + "report")
+
+
+ACCEPTED = AcceptanceResult(profile="custom", delivery="site", clauses=())
+
+
+def test_the_report_is_signed_without_the_signature_and_the_acceptance_that_it_shows_later(signed):
+    shown(signed)
+    assert "Signed by <b>A. Surveyor" in (signed / "report.html").read_text() and checked(signed).holds
+    (signed / "acceptance.json").write_text(ACCEPTED.model_dump_json())
+    shown(signed, ACCEPTED)
+    assert checked(signed).holds and not checked(signed).added
+
+
+@pytest.mark.parametrize(("was", "now"), [("licensed", "chief"), ("the ", "their "), ("</section>", "accurate to 1 cm</section>")])
+def test_a_word_that_was_changed_in_the_report_or_its_signature_is_found(signed, was, now):
+    shown(signed)
+    text = (signed / "report.html").read_text()
+    (signed / "report.html").write_text(text.replace(was, now, 1))
+    first, _ = signature_lines(checked(signed))
+    assert first == "report.html has changed since"
+    assert signed_part(signed).holds, "the page does not doubt itself, or it could never be written again"
+    (signed / "report.html").unlink()
+    assert checked(signed).missing == ("report.html",) and signed_part(signed).holds
+
+
+def test_an_acceptance_that_was_there_is_signed_too(folder):
+    (folder / "acceptance.json").write_text(ACCEPTED.model_dump_json())
+    keep(sign(statement(folder), KEY), folder)
+    assert checked(folder).holds
+    (folder / "acceptance.json").write_text(ACCEPTED.model_copy(update={"delivery": "other"}).model_dump_json())
+    assert checked(folder).changed == ("acceptance.json",)
 
 
 def test_of_many_changed_files_the_first_are_named(signed):
     for k in range(SHOWN + 3):
         (signed / "products" / f"{k:02}.tif").write_bytes(b"")
-    lines = list(signature_lines(check_signature(signed)))
+    lines = list(signature_lines(checked(signed)))
     assert len(lines) == SHOWN + 2 and lines[SHOWN] == "... and 3 more"
 
 
@@ -138,7 +184,7 @@ def test_a_statement_changed_after_it_was_signed_is_not_genuine(signed):
     record = json.loads((signed / SIGNATURE).read_text())
     record["statement"]["answers"]["Ground pixel"] = "1 cm"
     (signed / SIGNATURE).write_text(json.dumps(record))
-    check = check_signature(signed)
+    check = checked(signed)
     assert not check.holds
     assert list(signature_lines(check)) == [
         "the signature of A. Surveyor, licensed is not genuine: the statement was changed after it was signed"
@@ -146,7 +192,7 @@ def test_a_statement_changed_after_it_was_signed_is_not_genuine(signed):
 
 
 def test_without_a_signature_there_is_nothing_to_check(folder):
-    assert check_signature(folder) is None
+    assert checked(folder) is None
 
 
 def test_a_new_key_is_private_and_never_replaced(tmp_path):
