@@ -48,7 +48,7 @@ def test_figures_are_shown_asked_for_and_signed(done, tmp_path):
 
 def test_the_classes_of_all_products_are_looked_at():
     page = FirstPage(
-        "good", "Good: nothing puts the results in doubt.", (), (), (("Area of the surface", "1 ha"),), (), ("dsm: 5 cm",)
+        "good", "Good: nothing puts the results in doubt.", (), (), (("Area of the surface", "1 ha"),), (), classes=("dsm: 5 cm",)
     )
     assert list(signing_lines(page)) == ["Good: nothing puts the results in doubt.", "Area of the surface: 1 ha", "dsm: 5 cm"]
 
