@@ -3,11 +3,13 @@
 Strategy. Seeds are points that features of both photographs agree on, with the turn and the scale between them, or those of a list.
 From these growth matches the nodes of a regular grid by least squares, free in both directions, so that neither an orientation nor
 epipolar images are needed; a node that fewer than two neighbours predict is left out. The relative orientation is then that of the
-textbooks, from a start by five points. Above the stages, which do not know each other.
+textbooks, from a start by five points. Its standard errors hold what a camera without a calibration may be wrong by: camera
+constant, principal point and distortion are moved and the pair is related again. Above the stages, which do not know each other.
 
 Source: Otto & Chau 1989; Skarlatos (sources/matching.md#region-growing); Karfis 2009 (sources/epipolar.md#relative-orientation).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +24,7 @@ from orthomill.tasks.calibration.report.known_cameras import from_exif
 from orthomill.tasks.imagery.pyramid import halved
 from orthomill.tasks.matching.strategies.node_grid import ImagePart, NodeGrid
 from orthomill.tasks.matching.strategies.region_growing import Seeds, grow
-from orthomill.tasks.orientation.relative.pair_precision import scatter
+from orthomill.tasks.orientation.relative.pair_precision import camera_effect, scatter
 from orthomill.tasks.orientation.relative.relative_forms import dependent_form
 from orthomill.tasks.orientation.relative.relative_orientation import orient_robust
 from orthomill.tasks.photos.index import Limits, index_photos
@@ -37,6 +39,9 @@ _SEARCHED = 2000
 _FEATURES, _CONTRAST, _RATIO = 4000, 0.02, 0.8
 _RELATED = 3000
 """matches from which a pair is related; more of a smooth surface add nothing"""
+UNCALIBRATED = 0.01
+"""standard error of a camera that nobody calibrated: of its constant by itself, of the principal point by the longer side of the
+frame, and of the place at the end of that side, which the lens distorts, by its distance from the middle"""
 _NAMES = (("b_y / b_x", ""), ("b_z / b_x", ""), ("omega", "degrees"), ("phi", "degrees"), ("kappa", "degrees"))
 
 
@@ -114,9 +119,14 @@ def related(pair: GrownPair, left: tuple[int, int], right: tuple[int, int], cons
     model = robust.solution.model
     kept = observations[robust.kept]
     solution = solve_mixed(dependent_form(model.base, model.rotation, *constants), kept)
-    spread = scatter(kept, lambda own: solve_mixed(solution.model, own).model.unknowns)
-    formal = solution.standard_errors**2
-    sigma = np.sqrt(formal if spread is None else np.maximum(formal, spread))
+
+    def orient(own: np.ndarray) -> np.ndarray:
+        return solve_mixed(solution.model, own).model.unknowns
+
+    spread, formal = scatter(kept, orient), solution.standard_errors**2
+    own = formal if spread is None else np.maximum(formal, spread)
+    frames, one_camera = (max(left), max(right)), constants[0] == constants[1]
+    sigma = np.sqrt(own + camera_effect(list(other_cameras(kept, frames, one_camera)), orient, solution.model.unknowns))
     unknowns = tuple(
         GrownUnknown(name, unit, *(float(np.degrees(v) if unit else v) for v in values))
         for (name, unit), *values in zip(_NAMES, solution.model.unknowns, sigma, strict=True)
@@ -132,6 +142,34 @@ def related(pair: GrownPair, left: tuple[int, int], right: tuple[int, int], cons
         unknowns=unknowns,
         turned=turned,
     )
+
+
+def other_cameras(matches: np.ndarray, frames: tuple[int, int], one_camera: bool) -> Iterator[np.ndarray]:
+    """The matches (s, 4) px from the middle, as cameras would see them that are wrong by one standard error each in constant,
+    principal point and distortion. frames: longer sides, px; one_camera: both photographs have the same errors."""
+    for columns in ([0, 1, 2, 3],) if one_camera else ([0, 1], [2, 3]):
+        for effect in (_constant, _aside, _above, _distortion):
+            moved = matches.copy()
+            for first in columns[::2]:
+                own, side = slice(first, first + 2), frames[first // 2]
+                moved[:, own] += UNCALIBRATED * effect(matches[:, own], side)
+            yield moved
+
+
+def _constant(places: np.ndarray, side: int) -> np.ndarray:
+    return places
+
+
+def _aside(places: np.ndarray, side: int) -> np.ndarray:
+    return np.array([side, 0.0])
+
+
+def _above(places: np.ndarray, side: int) -> np.ndarray:
+    return np.array([0.0, side])
+
+
+def _distortion(places: np.ndarray, side: int) -> np.ndarray:
+    return places * (np.linalg.norm(places, axis=1, keepdims=True) / (side / 2.0)) ** 2
 
 
 def _from_centre(pixels: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

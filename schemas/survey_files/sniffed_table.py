@@ -61,14 +61,19 @@ def separation(lines: list[str]) -> Separation:
     for sign in ("\t", ";"):
         if _share(seen, sign) >= _SHARE:
             return Separation(sign, _decimal(cell for line in seen for cell in line.split(sign)))
-    # Commas between thousands separate nothing.
-    seen = [" ".join(word for word in line.split() if not written_numbers.is_thousands(word)) for line in seen]
+    seen = [_without_thousands(line) for line in seen]
     words = [word for line in seen for word in line.split()]
     commas = sum(bool(_COMMA_NUMBER.fullmatch(word)) for word in words)
     # Three numbers with commas to a line, between blanks: with commas as separators they would be glued to their neighbours.
     if seen and commas >= 3 * _SHARE * len(seen) and not any(word.count(",") > 1 for word in words):
         return Separation("", ",")
     return Separation("," if _share(seen, ",") >= _SHARE else "", ".")
+
+
+def _without_thousands(line: str) -> str:
+    """Commas between thousands separate nothing, but where they are all that a line has, as in 300,300,140,300."""
+    words = line.split()
+    return line if len(words) == 1 else " ".join(word for word in words if not written_numbers.is_thousands(word))
 
 
 def _share(lines: list[str], sign: str) -> float:

@@ -1,5 +1,6 @@
 """Two photographs of which nothing is known: matched and related by growth, whatever they are turned by."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,10 +10,12 @@ from textured_plane import CAMERA, photograph, texture, true_partner, views
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands.application import app
-from orthomill.pipeline.cli.lookups.grown_photographs import read_seeds
+from orthomill.pipeline.cli.lookups.grown_photographs import grown_lines, read_seeds
 from orthomill.schemas.errors import PhotoError, WorkflowError
+from orthomill.schemas.inspections.inspection import GrownPair, GrownUnknown
 from orthomill.tasks.geometry.rotation import rotation_matrix
-from orthomill.tasks.grown_pair import GrowthRules, found_by_features, grown_pair
+from orthomill.tasks.grown_pair import GrowthRules, found_by_features, grown_pair, related
+from orthomill.tasks.orientation.relative.relative_forms import dependent_form
 
 LEFT, RIGHT, TURNED = 0, 1, 2
 """numbers of photographs; the second is turned by 23 degrees against the first"""
@@ -35,14 +38,43 @@ def test_turned_photographs_are_matched_and_related_without_any_start(images):
     assert len(pair.matches) > 300 and np.percentile(off(pair.matches, LEFT, RIGHT), 95) < 0.3
     assert pair.kept > 0.8 * pair.related and pair.sigma0_px < 0.5
     one, other = views()[LEFT], views()[RIGHT]
-    base = one.rotation @ (other.centre - one.centre)
-    turn = other.rotation @ one.rotation.T
-    found = {unknown.name: unknown for unknown in pair.unknowns}
-    angles = np.radians([found[name].value for name in ("omega", "phi", "kappa")])
+    true = dependent_form(one.rotation @ (other.centre - one.centre), other.rotation @ one.rotation.T, c, c).unknowns
     assert not pair.turned
     # The lens is not known, and a plane hardly tells a tilt from a shift.
-    np.testing.assert_allclose(rotation_matrix(*angles), turn, atol=0.04)
-    assert abs(found["b_y / b_x"].value - base[1] / base[0]) < max(4 * found["b_y / b_x"].sigma, 0.04)
+    found = np.array([np.radians(u.value) if u.unit else u.value for u in pair.unknowns])
+    sigma = np.array([np.radians(u.sigma) if u.unit else u.sigma for u in pair.unknowns])
+    assert (np.abs(found - true) < 3.0 * sigma).all() and np.degrees(sigma[4]) < 1.0
+
+
+def test_standard_errors_hold_what_a_camera_without_calibration_is_wrong_by():
+    rng = np.random.default_rng(4)
+    c, base, turn = 1500.0, np.array([1.0, 0.05, -0.03]), rotation_matrix(0.02, -0.03, 0.05)
+    ground = np.column_stack(
+        [rng.uniform(-0.5, 1.5, (400, 1)), rng.uniform(-0.8, 0.8, (400, 1)), rng.uniform(-3.3, -2.7, (400, 1))]
+    )
+    seen = [-c * rays[:, :2] / rays[:, 2:] for rays in (ground, (ground - base) @ turn.T)]
+    # The principal point lies 20 px off, and the lens displaces by 8 px at the end of the frame of 2000 px.
+    moved = [p * (1.0 + 0.008 * (np.linalg.norm(p, axis=1, keepdims=True) / 1000.0) ** 2) + [16.0, -12.0] for p in seen]
+    noisy = np.column_stack([p * [1.0, -1.0] + 999.5 for p in moved]) + rng.normal(0.0, 0.05, (400, 4))
+    found = related(GrownPair(1, 400, noisy, np.full(400, 0.05)), (2000, 2000), (2000, 2000), (c, c)).unknowns
+    errors = [
+        (np.radians(u.value) if u.unit else u.value) - t
+        for u, t in zip(found, dependent_form(base, turn, c, c).unknowns, strict=True)
+    ]
+    stated = [np.radians(u.sigma) if u.unit else u.sigma for u in found]
+    assert (np.abs(errors) < 2.0 * np.array(stated)).all() and max(np.abs(errors) / stated) > 0.5
+
+
+def test_an_orientation_that_few_matches_agree_on_is_doubted():
+    unknowns = (GrownUnknown("kappa", "degrees", 1.0, 0.1),)
+    pair = GrownPair(9, 99, np.zeros((48, 4)), np.full(48, 0.04), 48, 23, 0.26, unknowns)
+    assert "Only 23 of 48 matches agree" in " ".join(grown_lines(pair))
+    assert "Only" not in " ".join(grown_lines(replace(pair, kept=40)))
+
+
+def test_seeds_of_whole_pixels_are_read_as_four_numbers(tmp_path):
+    (tmp_path / "seeds.csv").write_text("300,300,140,300\n")
+    np.testing.assert_array_equal(read_seeds(tmp_path / "seeds.csv"), [[300, 300, 140, 300]])
 
 
 def test_a_list_of_seeds_takes_the_place_of_features(images, tmp_path):
