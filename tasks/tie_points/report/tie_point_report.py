@@ -245,7 +245,9 @@ def _same_picture(stays: str, others: list[str]) -> str:
 
 def _divided(photos: Photos, strength: Strength) -> str:
     parts = [[photos.names[number] for number in part] for part in strength.parts]
-    smaller = sorted(parts, key=len)[:-1]
+    # Of two of one size the first is the largest, as it is for the orientation.
+    largest = max(parts, key=len)
+    smaller = sorted((part for part in parts if part is not largest), key=len)
     named = "; ".join(some_of(part, most=10) for part in smaller[:_MOST_PARTS])
     return (
         f"The block is divided into {len(parts)} parts without enough tie points between them. Not connected with the largest "
