@@ -1,6 +1,7 @@
 """The page of the whole is that of the pages of results, its links lead somewhere, and what it says can be typed."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ import yaml
 
 from benchmarks.mission.mission_page import PAGE, WORKS, body
 from benchmarks.mission.page_cells import cell_of
+from benchmarks.mission.published_row import NO_FIGURE, Cannot, Found, Row
 from orthomill.pipeline.workflow.workflow_checks import kind_of
 from orthomill.tasks.catalogue import STAGES
 
@@ -55,3 +57,10 @@ def test_all_else_is_a_command():
 def test_a_cell_that_is_not_there_is_named():
     with pytest.raises(LookupError, match="has no cell 'RMSE' in a row 'no such row'"):
         cell_of("benchmarks/results/line_locus.md", "Accuracy", "no such row", "RMSE")
+
+
+def test_nothing_is_called_as_published_without_a_published_value_and_ours():
+    row = Row("s", "matching.md#pyramids", "orthomill plan PROJECT", "1.0", Found("matching", "Full extraction", ()))
+    assert row.why == "as published" and replace(row, cause="Another scene.").why == "Another scene."
+    assert replace(row, ours=Cannot("no photographs", "docs/mission.md")).why == "not compared"
+    assert replace(row, published=NO_FIGURE).why == "nothing printed to compare with"

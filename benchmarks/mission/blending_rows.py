@@ -1,6 +1,6 @@
 """Petsa et al. 2007: true orthoimages, views and sections of a mesh, with blended texture."""
 
-from benchmarks.mission.published_row import Cannot, Found, Row, Tested
+from benchmarks.mission.published_row import PICTURES, Cannot, Found, Row, Tested
 
 _PROJECTION = "{kind: projection, surface: {kind: mesh, path: church.ply}, outputs: [{kind: plane, name: front}]}"
 _OURS = "Objects and stations are ours, as the report prints neither."
@@ -25,7 +25,7 @@ BLENDING = (
         "M1. The whole",
         "blending.md#m1",
         _PROJECTION,
-        "pictures only",
+        PICTURES,
         Found(
             "texture_acceptance",
             "Solid surfaces",
@@ -164,7 +164,7 @@ BLENDING = (
         "M19. Histograms",
         "blending.md#m19",
         _with("balance: {kind: histogram}"),
-        "pictures only",
+        PICTURES,
         Tested("equal histograms where photographs overlap", "tests/colouring/test_histogram_matching.py"),
     ),
     _check("M20. Project files", "m20", "orthomill run PROJECT", "A-26", "INI files"),

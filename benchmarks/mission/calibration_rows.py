@@ -1,6 +1,6 @@
 """Kawka 2021: calibration from several chessboards in unknown arrangement."""
 
-from benchmarks.mission.published_row import Cannot, Found, Row, Tested
+from benchmarks.mission.published_row import NO_FIGURE, Cannot, Found, Row, Tested
 
 _CALIBRATE = "orthomill calibrate FOLDER --corners 9x6 --square 0.05"
 _PARAMETERS = "{kind: calibration, model: brown, parameters: [c, x0, y0, k1, k2]}"
@@ -57,7 +57,7 @@ CALIBRATION = (
         "S2 to S6. Central board, homographies, matching by PCA, motions, together",
         "calibration.md#s4",
         _CALIBRATE,
-        "no figure printed",
+        NO_FIGURE,
         Found(
             "calibration",
             "Published set-ups",
@@ -76,7 +76,7 @@ CALIBRATION = (
         "S9, S10. First exterior orientation",
         "calibration.md#s10",
         _CALIBRATE,
-        "no figure printed",
+        NO_FIGURE,
         Found(
             "published_calibrations",
             "Starts",
@@ -210,7 +210,7 @@ CALIBRATION = (
         "Real photographs beside OpenCV",
         "calibration.md#results",
         _CALIBRATE,
-        "no comparison printed",
+        NO_FIGURE,
         Found(
             "calibration",
             "Real photographs",

@@ -1,6 +1,6 @@
 """Karfis 2009: relative orientation, epipolar images, guided densification."""
 
-from benchmarks.mission.published_row import Cannot, Found, Row, Tested
+from benchmarks.mission.published_row import NO_FIGURE, Cannot, Found, Row, Tested
 
 _GUIDED = "{kind: densification, matching: {kind: guided}}"
 _RELATIVE = "orthomill relative PROJECT A B"
@@ -115,7 +115,7 @@ EPIPOLAR = (
         "Pixels, image coordinates, scans with fiducial marks",
         "epipolar.md#coordinates",
         "{kind: photos, coordinates: {kind: digital}}",
-        "no figure printed",
+        NO_FIGURE,
         Tested("scanned film is read through its fiducial marks, as an affinity", "tests/photos/test_fiducial_marks.py"),
     ),
     Row(

@@ -45,7 +45,7 @@ def _link(path: str) -> str:
 def line_of(row: Row) -> str:
     """A row of the table."""
     system = f"[{row.system}](sources/{row.source})"
-    cells = (system, f"`{row.reach}`", row.published, str(row.ours), where_from(row), row.cause or "as published")
+    cells = (system, f"`{row.reach}`", row.published, str(row.ours), where_from(row), row.why)
     return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
 
 

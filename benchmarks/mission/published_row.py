@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from benchmarks.mission.page_cells import cell_of
 
 RESULTS = "benchmarks/results"
+NO_FIGURE, PICTURES = "no figure printed", "pictures only"
+"""what stands in place of a published value that there is not"""
 
 
 @dataclass(frozen=True)
@@ -61,3 +63,12 @@ class Row:
     ours: Ours
     cause: str = ""
     """where it differs: by what"""
+
+    @property
+    def why(self) -> str:
+        """What is known of the difference, or that there is none, or nothing to compare."""
+        if self.cause:
+            return self.cause
+        if isinstance(self.ours, Cannot):
+            return "not compared"
+        return "nothing printed to compare with" if self.published in (NO_FIGURE, PICTURES) else "as published"
