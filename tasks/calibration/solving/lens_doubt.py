@@ -57,7 +57,11 @@ def _with_held(other: BoardAdjustment, held: list[str]) -> tuple[np.ndarray, np.
     own = [PARAMETERS.index(name) for name in held]
     known = np.diag([_HELD_SIGMA.get(name, 0.0) ** 2 for name in held])
     gain = np.linalg.solve(covariance[np.ix_(own, own)] + known, covariance[own]).T
-    return value - gain @ value[own], covariance - gain @ covariance[own]
+    told, left = value - gain @ value[own], covariance - gain @ covariance[own]
+    # What is exactly zero keeps no rest of the rounding, which would be printed as a standard error.
+    exact = [PARAMETERS.index(name) for name in held if name not in _HELD_SIGMA]
+    told[exact] = left[exact] = left[:, exact] = 0.0
+    return told, left
 
 
 def _shared_shift(other: BoardAdjustment, result: BoardAdjustment, chosen: LensModel, model: LensModel) -> np.ndarray:

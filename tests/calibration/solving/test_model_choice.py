@@ -110,3 +110,17 @@ def test_what_lenses_are_bounds_the_doubt_of_what_boards_hardly_show():
     loose = full.with_interior_covariance(covariance)
     both = doubted({small: Judged(full, check(0.2)), MODELS[3]: Judged(loose, check(0.2))}, small)
     assert np.sqrt(2.0 * both.interior_covariance[k3, k3]) == pytest.approx(0.3, rel=0.5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_square_pixels_are_told_without_a_standard_error(seed):
+    """A model with the affinity beside one without: what rounding leaves of it is no standard error."""
+    _, full = easy_calibration()
+    other = LensModel("brown", (*full.network.free, "affinity"))
+    free = [PARAMETERS.index(name) for name in other.free]
+    root = np.random.default_rng(seed).normal(0.0, 1.0, (len(free), len(free))) * 10.0 ** np.linspace(0, -5, len(free))[:, None]
+    covariance = np.zeros_like(full.interior_covariance)
+    covariance[np.ix_(free, free)] = root @ root.T
+    alike = {MODELS[0]: Judged(full, check(0.2)), other: Judged(full.with_interior_covariance(covariance), check(0.2))}
+    told = doubted(alike, MODELS[0]).interior_covariance
+    assert not told[PARAMETERS.index("affinity")].any() and told[0, 0] > 0.0
