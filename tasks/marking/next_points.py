@@ -48,11 +48,13 @@ def next_points(belief: Belief, marks: Marks, count: int = 3) -> tuple[NextPoint
     if not len(places.place):
         return ()
     D = places.moves @ (_with_marks(belief, marks) @ places.moves.T)
-    out = []
-    for _ in range(count):
+    out, free = [], list(range(len(places.place)))
+    # Nobody surveys one place twice, though that would count as another measurement of its rays.
+    for _ in range(min(count, len(free))):
         before = _largest(D)
-        left = [_largest(_conditioned(D, places, at)) for at in range(len(places.place))]
-        best = int(np.argmin(left))
+        left = {at: _largest(_conditioned(D, places, at)) for at in free}
+        best = min(free, key=left.__getitem__)
+        free.remove(best)
         out.append(_next(belief, places, best, "control", before, left[best]))
         D = _conditioned(D, places, best)
     worst = int(np.argmax(_sizes(D)))

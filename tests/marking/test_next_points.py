@@ -46,6 +46,11 @@ def test_points_are_asked_for_until_a_check_point_is_left():
     assert np.linalg.norm(np.subtract(found[0].xyz, found[1].xyz)) > 5.0
 
 
+def test_no_place_is_asked_for_twice():
+    found = [one for one in next_points(BLOCK.belief, Marks(), 12) if one.role == "control"]
+    assert len({one.xyz for one in found}) == len(found) == 12
+
+
 def test_all_places_are_seen_by_two():
     places = seen_places(BLOCK.belief)
     assert len(places.place) > 20 and places.seen.min() >= 2 and len(places.moves) == 3 * len(places.place)
