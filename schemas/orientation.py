@@ -216,6 +216,10 @@ class DistanceResidual(BaseModel):
     """standard error of the difference that the adjustment predicts, m"""
     role: Literal["control", "check"] = "control"
     """`check`: an end is a check point, so that the distance takes no part in the adjustment"""
+    redundancy: float | None = None
+    """share of an error of the distance that its difference shows; None where it took no part"""
+    sigma: float | None = None
+    """m: standard error with which it took part"""
 
 
 class GroundResiduals(BaseModel):

@@ -33,9 +33,11 @@ def main() -> None:
         )
         sys.exit(2)
     # Remarks on numbers that are not finite are for developers: what is refused for them says so in a sentence. Workers inherit it.
+    # So are those on systems that are written in an old way ("+init=epsg:2100"): they are read as they are meant.
     if not sys.warnoptions:
-        os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning"
+        os.environ["PYTHONWARNINGS"] = "ignore::RuntimeWarning,ignore::FutureWarning:pyproj.crs.crs"
         warnings.simplefilter("ignore", RuntimeWarning)
+        warnings.filterwarnings("ignore", category=FutureWarning, module=r"pyproj\.crs\.crs")
     one_thread_from_here()
     # Libraries are loaded for seconds; the command itself listens when it has them (`plain_errors`).
     signal.signal(signal.SIGINT, _stopped_early)

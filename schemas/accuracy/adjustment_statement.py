@@ -30,7 +30,8 @@ class InteriorStatement(_Part):
 
 
 class SurveyedReliability(_Part):
-    """How well an error of one coordinate of a control point or a GNSS position would have been found, and what it does unfound."""
+    """How well an error of one coordinate of a control point or a GNSS position, or of a measured distance, would have been found,
+    and what it does unfound."""
 
     point: str
     axis: str
@@ -41,7 +42,7 @@ class SurveyedReliability(_Part):
     detectable: float | None
     """m: smallest error that the test at 0.1 % finds with 80 % (inner reliability); None: nothing checks it"""
     effect: float | None
-    """m: what an error of that size, not found, does to the adjusted coordinate (external reliability)"""
+    """m: what an error of that size, not found, does to the adjusted coordinate or length (external reliability)"""
 
 
 class AdjustmentStatement(_Part):
@@ -50,6 +51,8 @@ class AdjustmentStatement(_Part):
     cameras: tuple[InteriorStatement, ...] = ()
     groups: tuple[ObservationGroup, ...] = ()
     control: tuple[SurveyedReliability, ...] = ()
+    distances: tuple[SurveyedReliability, ...] = ()
+    """those that took part"""
     gnss_shift: tuple[float, float, float] | None = None
     """m: constant error of all GNSS positions; None: not adjusted"""
     gnss_shift_sigma: tuple[float, float, float] | None = None
@@ -105,10 +108,10 @@ class InteriorCorrelation(Columns):
 
 @dataclass(frozen=True)
 class SurveyedReliabilities(Columns):
-    """The same for every control point and GNSS position that took part, one coordinate a row."""
+    """The same for every control point, GNSS position and distance that took part, one coordinate or length a row."""
 
     kind: np.ndarray
-    """str: control or position"""
+    """str: control, position or distance"""
     name: np.ndarray
     axis: np.ndarray
     """str"""

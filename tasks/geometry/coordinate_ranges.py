@@ -16,14 +16,15 @@ SMALLEST, LARGEST = 1e-6, 1e6
 """a standard error: weights are squares of its reciprocal, and their ratios must remain within the digits of a number"""
 
 
-_FOOT = 0.3048
+FOOT = 0.3048
+"""m, of an international foot"""
 _ALIKE = 0.1
 """share of its departure in metres below which a surface counts as one in feet: it fits ten times as well when it is converted"""
 
 
 def in_feet(heights: np.ndarray, known: np.ndarray) -> bool:
     """Whether heights (N,) fit what is known of them (N,), m, far better when they are taken for feet."""
-    return float(np.median(np.abs(heights * _FOOT - known))) < _ALIKE * float(np.median(np.abs(heights - known)))
+    return float(np.median(np.abs(heights * FOOT - known))) < _ALIKE * float(np.median(np.abs(heights - known)))
 
 
 def coordinate_mistake(value: float) -> str | None:

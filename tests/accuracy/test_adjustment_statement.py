@@ -4,14 +4,26 @@ import numpy as np
 import pytest
 from box_scene import block as box_block
 
-from orthomill.schemas.orientation import BlockPrecision, GroundResidual, GroundResiduals, LeverArm, ObservationGroup
+from orthomill.schemas.orientation import (
+    BlockPrecision,
+    DistanceResidual,
+    GroundResidual,
+    GroundResiduals,
+    LeverArm,
+    ObservationGroup,
+)
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of, state_adjustment
+from orthomill.tasks.accuracy.report.adjustment_words import adjustment_grids
 
 GROUP = ObservationGroup(name="GNSS positions", count=18, redundancy=14.0, factor=1.2)
 
 
 def row(name, role, **changes):
     return GroundResidual(name=name, role=role, difference=(0, 0, 0), predicted=(0.02,) * 3, photos=3, **changes)
+
+
+def distance(first, second, **changes):
+    return DistanceResidual(first=first, second=second, length=10.0, difference=0.0, predicted=0.01, **changes)
 
 
 def precision(**changes):
@@ -27,7 +39,8 @@ def stated():
         row("photo", "position", redundancy=(0.81, 0.81, 0.64), sigma=(0.1, 0.1, 0.2)),
         row("K1", "check"),
     )
-    return state_adjustment(box_block(), GroundResiduals(points=rows), precision(lever_arm=(0.0, 0.1, 0.2)))
+    distances = (distance("A", "B", redundancy=0.64, sigma=0.01), distance("A", "K1", role="check"))
+    return state_adjustment(box_block(), GroundResiduals(points=rows, distances=distances), precision(lever_arm=(0.0, 0.1, 0.2)))
 
 
 def test_the_smallest_error_found_and_its_effect_follow_from_the_redundancy_number(stated):
@@ -39,8 +52,17 @@ def test_the_smallest_error_found_and_its_effect_follow_from_the_redundancy_numb
 
 def test_control_and_positions_that_took_part_are_rows_of_a_table(stated):
     table = stated.surveyed
-    assert table.kind.tolist() == ["control"] * 3 + ["position"] * 3 and set(table.name.tolist()) == {"P1", "photo"}
+    assert table.kind.tolist() == ["control"] * 3 + ["position"] * 3 + ["distance"]
+    assert set(table.name.tolist()) == {"P1", "photo", "A to B"}
     assert table.detectable[5] == pytest.approx(4.13 * 0.2 / 0.8) and np.isnan(table.detectable[2])
+
+
+def test_a_distance_that_took_part_has_its_smallest_error_found(stated):
+    (length,) = stated.statement.distances
+    assert (length.point, length.axis, length.redundancy) == ("A to B", "length", 0.64)
+    assert length.detectable == pytest.approx(4.13 * 0.01 / 0.8) and length.effect == pytest.approx(0.36 * length.detectable)
+    *_, grid = adjustment_grids(stated.statement)
+    assert grid.rows[-1][:3] == ("A to B", "length", 0.01)
 
 
 def test_a_block_without_control_has_an_empty_table():

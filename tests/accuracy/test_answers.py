@@ -47,6 +47,11 @@ def test_a_volume_is_as_sure_as_its_correlated_errors_allow():
     assert errors[0].error.sigma > 5 * independent, "independent cells would be far too sure"
 
 
+def test_what_compares_a_place_with_itself_has_no_error():
+    found = error_of(np.zeros((3, 3)), part(np.zeros((3, 3))), ALONE)
+    assert found.sigma == 0.0, "as the rise of a closed line"
+
+
 def test_the_datum_cancels_against_the_border_and_counts_against_a_level():
     share = inside_share(np.array([[5, 5], [50, 5], [50, 50], [5, 50]], float), (60, 60))
     hill = np.zeros((60, 60))

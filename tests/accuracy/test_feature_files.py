@@ -59,7 +59,7 @@ def test_geojson_is_in_degrees_and_is_moved(tmp_path):
 
 
 def test_points_come_from_csv(tmp_path):
-    (tmp_path / "p.csv").write_text("name,x,y\nA,1,2\n# no\nB,3,4\n")
+    (tmp_path / "p.csv").write_text("name,x,y,z,sigma_z\nA,1,2,9,0.1\n# no\nB,3,4\n")
     assert [(f.name, *f.places[0]) for f in read_features(tmp_path / "p.csv", "EPSG:32634")] == [("A", 1, 2), ("B", 3, 4)]
 
 

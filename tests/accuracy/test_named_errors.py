@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.accuracy.statement.named_errors import named_errors
+from orthomill.schemas.accuracy.point_tests import TESTED, HeightTest, PointTest, PointTests
+from orthomill.tasks.accuracy.statement.named_errors import heights_in_feet, named_errors
+from orthomill.tasks.accuracy.statement.point_statement import statement_of
 
 RNG = np.random.default_rng(3)
 PLACES = RNG.uniform(0, 1000, (20, 2)) + np.array([400_000.0, 4_000_000.0])
@@ -58,3 +60,28 @@ def test_what_an_error_does_at_the_points_is_compared_and_not_its_largest_value(
     assert tilt.size > 2 * tilt.displaced and tilt.is_promised
     (scale,) = named_errors(PLACES, NOISE, 1e-3 * (PLACES - PLACES.mean(axis=0)), promised=(0.5, None))
     assert scale.displaced == pytest.approx(0.5 * np.sqrt((UNIT**2).sum(axis=1).mean()), rel=0.1) and scale.is_promised
+
+
+GROUND = 80.0 + 15 * UNIT[:, 1]
+
+
+@pytest.mark.parametrize(
+    ("points", "product", "words"),
+    [(1 / 0.3048, 1, "heights of the points are in feet"), (1, 1 / 0.3048, "heights of the product are in feet")],
+)
+def test_heights_in_feet_are_named_and_not_as_a_shift(points, product, words):
+    tests = tuple(
+        PointTest(
+            name=str(i), surveyed=(*p, z * points), sigma=(0.02,) * 3, height=HeightTest(reason=TESTED, height=z * product + d)
+        )
+        for i, (p, z, d) in enumerate(zip(PLACES, GROUND, NOISE, strict=True))
+    )
+    (found,) = statement_of(PointTests(points=tests)).named
+    assert found.kind == "feet" and words in found.sentence and not found.is_promised
+
+
+def test_a_shift_that_feet_would_nearly_explain_is_a_shift():
+    level = np.full(20, 10.0) + 0.01 * UNIT[:, 0]
+    assert heights_in_feet(level, level - 7.5 + NOISE, 0.02) is None
+    assert heights_in_feet(GROUND, GROUND + 0.2 + NOISE, 0.02) is None
+    assert heights_in_feet(GROUND[:2], GROUND[:2] * 0.3048, 0.02) is None, "two points are too few"

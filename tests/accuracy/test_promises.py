@@ -6,7 +6,7 @@ import pytest
 from orthomill.schemas.accuracy.point_tests import PointTests
 from orthomill.schemas.accuracy.promised_errors import Reliability
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
-from orthomill.schemas.orientation import GroundResidual, GroundResiduals
+from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import SurfacePoints
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of
@@ -39,6 +39,14 @@ def test_observations_that_nothing_checks_are_no_proof():
     row = GroundResidual(name="a", role="position", difference=(0.1, 0.1, 0.1), predicted=(0.1, 0.2, 0.0), photos=1)
     (found,) = reliability_of(PointTests(), GroundResiduals(points=(row,))).kinds
     assert found.values == 2 and found.items == 1 and not found.independent
+
+
+def test_distances_to_check_points_are_independent_and_those_that_took_part_are_not():
+    known = {"first": "a", "second": "b", "length": 10.0, "predicted": 0.01}
+    rows = tuple(DistanceResidual(**known, difference=d, role=role) for d, role in ((0.005, "check"), (0.02, "control")))
+    checks, used = reliability_of(PointTests(), GroundResiduals(distances=rows)).kinds
+    assert (checks.kind, checks.independent, checks.within[0]) == ("distances to check points", True, 1.0)
+    assert (used.kind, used.independent, used.within[0]) == ("measured distances, left out in turn", False, 0.0)
 
 
 def test_correlations_come_from_covariances():

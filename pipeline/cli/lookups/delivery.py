@@ -47,6 +47,7 @@ class Delivered:
     points: Path | None
 
 
+_FOOT = 0.3048
 Limits = dict[str, float]
 """limits that the command line names, by the name of their setting"""
 
@@ -169,15 +170,24 @@ def facts_of_files(delivered: Delivered, own: str | None, inspect: Inspect, list
 
 def _refuse_elsewhere(points: tuple[Any, ...], grid: MapGrid, crs: str, delivered: Delivered) -> None:
     x, y = np.array([point.xyz[:2] for point in points]).T
-    col, row = grid.pixel(x, y)
-    if ((col > -1) & (col < grid.cols) & (row > -1) & (row < grid.rows)).any():
+    if _any_on(grid, x, y):
         return
+    if _any_on(grid, _FOOT * x, _FOOT * y):
+        raise WorkflowError(
+            f"The points of {delivered.points} lie on {delivered.dsm} only if their coordinates are feet: convert the list to "
+            "metres, or name its system, in feet, with --crs."
+        )
     east, south = grid.west + grid.cols * grid.cell, grid.north - grid.rows * grid.cell
     raise WorkflowError(
         f"None of the {len(points)} points of {delivered.points} lies on {delivered.dsm}: they are about {np.median(x):.0f}, "
         f"{np.median(y):.0f}, and it reaches from {grid.west:.0f}, {south:.0f} to {east:.0f}, {grid.north:.0f} in {crs}. Name the "
         "system of the points with --crs, or correct their list."
     )
+
+
+def _any_on(grid: MapGrid, x: np.ndarray, y: np.ndarray) -> bool:
+    col, row = grid.pixel(x, y)
+    return bool(((col > -1) & (col < grid.cols) & (row > -1) & (row < grid.rows)).any())
 
 
 def facts_by_inspector(

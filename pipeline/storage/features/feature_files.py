@@ -61,10 +61,11 @@ def _of_csv(path: Path) -> Iterator[Geometry]:
         cells = [cell.strip() for cell in row]
         if not any(cells) or cells[0].startswith("#") or (number == 1 and not _is_number(cells[-1])):
             continue
-        if len(cells) not in (2, 3) or not all(map(_is_number, cells[-2:])):
+        # Behind x and y, lists of points have heights and standard errors, which are not asked for.
+        name, *plan = cells[:3] if len(cells) > 2 else (str(number), *cells)
+        if len(plan) != 2 or not all(map(_is_number, plan)):
             raise ValueError(f"line {number} is not name,x,y")
-        name = cells[0] if len(cells) == 3 else str(number)
-        yield Geometry(name, "Point", [float(cells[-2]), float(cells[-1])], None)
+        yield Geometry(name, "Point", [float(value) for value in plan], None)
 
 
 def _is_number(text: str) -> bool:

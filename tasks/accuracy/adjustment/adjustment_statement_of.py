@@ -18,7 +18,7 @@ from orthomill.schemas.accuracy.adjustment_statement import (
     SurveyedReliability,
 )
 from orthomill.schemas.camera import INTERIOR, Camera
-from orthomill.schemas.orientation import Block, BlockPrecision, GroundResidual, GroundResiduals, LeverArm
+from orthomill.schemas.orientation import Block, BlockPrecision, DistanceResidual, GroundResidual, GroundResiduals, LeverArm
 
 DELTA0 = 4.13
 _CHECKED = 1e-4
@@ -38,16 +38,19 @@ def state_adjustment(block: Block, ground: GroundResiduals, precision: BlockPrec
     """All that an authority asks for beyond the figures of the block."""
     cameras = tuple(found for name, camera in sorted(block.cameras.items()) if (found := _interior(name, camera)))
     control, positions = ([one for row in ground.of_role(role) for one in _surveyed(row)] for role in ("control", "position"))
+    distances = [one for row in ground.distances for one in _measured(row)]
     statement = AdjustmentStatement(
         cameras=cameras,
         groups=precision.groups,
         control=tuple(control),
+        distances=tuple(distances),
         gnss_shift=precision.gnss_shift,
         gnss_shift_sigma=precision.gnss_shift_sigma,
         gnss_offsets=precision.offsets,
         lever_arms=precision.lever_arms or _only_arm(precision),
     )
-    return StatedAdjustment(statement, _exterior(block), _pairs(cameras), _columns({"control": control, "position": positions}))
+    surveyed = _columns({"control": control, "position": positions, "distance": distances})
+    return StatedAdjustment(statement, _exterior(block), _pairs(cameras), surveyed)
 
 
 def _only_arm(precision: BlockPrecision) -> tuple[LeverArm, ...]:
@@ -92,14 +95,20 @@ def _interior(name: str, camera: Camera) -> InteriorStatement | None:
 def _surveyed(residual: GroundResidual) -> list[SurveyedReliability]:
     if residual.redundancy is None or residual.sigma is None:
         return []
-    rows = []
-    for axis, own, share in zip("XYZ", residual.sigma, residual.redundancy, strict=True):
-        found = DELTA0 * own / math.sqrt(share) if share > _CHECKED else None
-        effect = None if found is None else (1 - share) * found
-        rows.append(
-            SurveyedReliability(point=residual.name, axis=axis, sigma=own, redundancy=share, detectable=found, effect=effect)
-        )
-    return rows
+    rows = zip("XYZ", residual.sigma, residual.redundancy, strict=True)
+    return [_reliability(residual.name, axis, sigma, share) for axis, sigma, share in rows]
+
+
+def _measured(residual: DistanceResidual) -> list[SurveyedReliability]:
+    if residual.redundancy is None or residual.sigma is None:
+        return []
+    return [_reliability(f"{residual.first} to {residual.second}", "length", residual.sigma, residual.redundancy)]
+
+
+def _reliability(name: str, axis: str, sigma: float, share: float) -> SurveyedReliability:
+    found = DELTA0 * sigma / math.sqrt(share) if share > _CHECKED else None
+    effect = None if found is None else (1 - share) * found
+    return SurveyedReliability(point=name, axis=axis, sigma=sigma, redundancy=share, detectable=found, effect=effect)
 
 
 def _exterior(block: Block) -> ExteriorPrecision:

@@ -56,6 +56,9 @@ class SurfacePart:
 def error_of(weights: np.ndarray, part: SurfacePart, correlation: ErrorCorrelation) -> ErrorShares:
     """The standard error of sum(weights * height); weights (rows, cols), 0 where a cell has no part in the answer."""
     used = weights != 0
+    if not used.any():
+        # What compares a place with itself, as the ends of a closed line.
+        return ErrorShares(0.0, 0.0, 0.0)
     pull = np.where(used & part.measured, weights * np.nan_to_num(part.relative), 0.0)
     guess = np.where(used & ~part.measured, np.abs(weights) * np.nan_to_num(part.relative), 0.0)
     own = np.where(used, np.nan_to_num(part.datum), 0.0)

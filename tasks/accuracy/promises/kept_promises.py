@@ -34,6 +34,7 @@ _ROLES = (
     ("control", "control, left out in turn", False),
     ("position", "GNSS positions, left out in turn", False),
 )
+_DISTANCES = (("check", "distances to check points", True), ("control", "measured distances, left out in turn", False))
 
 
 def reliability_of(
@@ -48,8 +49,9 @@ def reliability_of(
     found.append(kept("orthoimage at check points", True, places))
     for role, words, independent in _ROLES:
         found.append(kept(words, independent, [_of_residual(r) for r in ground.of_role(role)]))
-    lengths = [[(d.difference, d.predicted)] for d in ground.distances]
-    found.append(kept("measured distances, left out in turn", False, lengths))
+    for role, words, independent in _DISTANCES:
+        lengths = [[(d.difference, d.predicted)] for d in ground.distances if d.role == role]
+        found.append(kept(words, independent, lengths))
     heights_of_pairs = [[one] for part in pairs for one in zip(part.difference.tolist(), part.promised.tolist(), strict=True)]
     found.append(kept("heights of disjoint pairs, among neighbours", False, heights_of_pairs))
     if photographs is not None:

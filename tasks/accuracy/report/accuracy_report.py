@@ -37,7 +37,8 @@ _FILES = (
     Product(path="products/exterior_precision.csv", purpose="Standard errors and correlations of every exterior orientation"),
     Product(path="products/interior_correlation.csv", purpose="Correlations of the interior parameters"),
     Product(
-        path="products/surveyed_reliability.csv", purpose="Smallest errors found of control and GNSS positions, and their effect"
+        path="products/surveyed_reliability.csv",
+        purpose="Smallest errors found of control, GNSS positions and distances, and their effect",
     ),
 )
 NOTHING = (

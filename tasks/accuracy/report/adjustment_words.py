@@ -67,17 +67,17 @@ def promise_warnings(reliability: Reliability) -> Iterator[str]:
 
 
 def adjustment_grids(adjustment: AdjustmentStatement) -> Iterator[Grid]:
-    """A correlation matrix for each camera, and the reliability of the control."""
+    """A correlation matrix for each camera, and the reliability of control and distances."""
     yield from map(_interior_grid, adjustment.cameras)
     yield Grid(
-        title="Reliability of the control",
+        title="Reliability of control and distances",
         columns=("point", "axis", "sigma (m)", "redundancy number", "smallest error found (m)", "its effect, not found (m)"),
         rows=tuple(
             (c.point, c.axis, c.sigma, round(c.redundancy, 3), _millimetres(c.detectable), _millimetres(c.effect))
-            for c in adjustment.control
+            for c in (*adjustment.control, *adjustment.distances)
         ),
         note="Smallest error found: 4.13 sigma / sqrt(r), by a test at 0.1 % with 80 % probability (Baarda). Its effect: (1 - r) "
-        "times that on the adjusted coordinate of the point. GNSS positions: products/surveyed_reliability.csv; groups of "
+        "times that on the adjusted coordinate or length. GNSS positions: products/surveyed_reliability.csv; groups of "
         "observations: the table of the orientation, and products/adjustment.json.",
     )
 

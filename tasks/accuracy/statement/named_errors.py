@@ -11,9 +11,12 @@ import numpy as np
 from scipy.special import stdtrit
 
 from orthomill.schemas.accuracy.accuracy_statement import NamedError
+from orthomill.tasks.geometry.coordinate_ranges import FOOT, in_feet
 
 _SURE = 0.9995
 """two-sided 99.9 %"""
+_LEAST_IN_FEET = 3
+"""points at which feet are no chance: a shift explains one, and two by luck"""
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
 
 
@@ -58,6 +61,31 @@ def named_errors(
     found = [_compared(error, in_height) for error in _of_heights(places, height, survey[1])]
     found += [_compared(error, in_plan) for error in _of_plan(places, plan, survey[0])]
     return tuple(sorted(found, key=lambda error: -error.size))
+
+
+def heights_in_feet(surveyed: np.ndarray, height: np.ndarray, survey: float) -> NamedError | None:
+    """Heights of the points, or of the product, that are feet where metres are expected; None where metres explain them.
+
+    surveyed (N,), height (N,): m, NaN where they were not tested; survey: standard error of the surveyed heights, m. International
+    and US survey feet differ by two millionths, which heights do not tell.
+    """
+    known = np.isfinite(height)
+    if known.sum() < _LEAST_IN_FEET:
+        return None
+    points, product = surveyed[known], height[known]
+    if in_feet(points, product):
+        what, left = "The heights of the points are", product - FOOT * points
+    elif in_feet(product, points):
+        what, left = "The heights of the product are", FOOT * product - points
+    else:
+        return None
+    difference = product - points
+    size, rest = (float(np.sqrt((d**2).mean())) for d in (difference, left))
+    # On level ground feet are a shift: they are named where they explain what a shift does, which may take any value.
+    if rest > max(float(difference.std()), survey):
+        return None
+    words = f"{what} in feet, not in metres: multiplied with 0.3048 they differ by {rest:.3f} m instead of {size:.2f} m."
+    return NamedError(kind="feet", size=size, sigma=max(rest, survey), displaced=size, sentence=words)
 
 
 def _compared(error: NamedError, promised: float | None) -> NamedError:

@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement, NamedError
 from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
-from orthomill.tasks.accuracy.statement.named_errors import named_errors
+from orthomill.tasks.accuracy.statement.named_errors import heights_in_feet, named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 
 
@@ -70,7 +70,13 @@ def _named(points: tuple[PointTest, ...]) -> tuple[NamedError, ...]:
     plan = np.array([p.place_difference or (math.nan, math.nan) for p in points]).reshape(-1, 2)
     sigma = np.array([p.sigma for p in points]).reshape(-1, 3)
     survey = float(np.sqrt((sigma[:, :2] ** 2).mean())), float(np.sqrt((sigma[:, 2] ** 2).mean()))
-    return named_errors(places, height, plan, survey, (_promised_place(points), _promised_datum(points)))
+    surveyed = np.array([p.surveyed[2] for p in points])
+    feet = heights_in_feet(surveyed, surveyed + height, survey[1])
+    # Feet leave what looks like a shift and a tilt of the whole: the cause is told alone.
+    named = named_errors(
+        places, height * math.nan if feet else height, plan, survey, (_promised_place(points), _promised_datum(points))
+    )
+    return (feet, *named) if feet else named
 
 
 def _promised_place(points: tuple[PointTest, ...]) -> float | None:

@@ -186,7 +186,8 @@ def _place(surveyed: list[ControlPoint], photos: Photos, own: str | None, crs: s
     xyz, only = transform_surveyed(given, system, crs)
     if elsewhere := _on_another_site(given, xyz, photos, system, crs):
         return _PlacedControl({}, system, (elsewhere,))
-    if on_earth(crs):
+    # Without photographs the points are those of products, and whoever reads them sees first that they lie elsewhere.
+    if photos.photos and on_earth(crs):
         refuse_unfit_place(np.median(xyz[:, :2], axis=0), crs)
     raised = at_the_heights_of_positions(given, xyz, system, crs, photos)
     found += [raised.finding] if raised.finding else [HeightsNotTransformed(crs=only)] if only else []

@@ -97,6 +97,8 @@ def distance_rows(results: BlockResults) -> list[DistanceResidual]:
                 length=float(network.distances.length[i]),
                 difference=float(-residual[i]),
                 predicted=float(predicted),
+                redundancy=float(np.clip(1.0 - weight * white[i], 0.0, 1.0)) if weight > 0 else None,
+                sigma=float(1.0 / np.sqrt(weight)) if weight > 0 else None,
             )
         )
     return rows

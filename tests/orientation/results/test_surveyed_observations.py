@@ -188,7 +188,8 @@ def test_a_distance_gives_a_free_network_its_scale():
     result = out["block"]
     assert result.datum.startswith("Free network") and "1 measured distance gives" in result.datum
     assert np.abs(standardised_lengths(block, result)).max() < 4
-    assert abs(out["ground_residuals"].distances[0].difference) < 0.03
+    (row,) = out["ground_residuals"].distances
+    assert abs(row.difference) < 0.03 and row.redundancy == pytest.approx(0.0, abs=1e-6), "nothing checks the only scale"
 
 
 def test_a_distance_takes_part_along_with_control():
@@ -197,6 +198,7 @@ def test_a_distance_takes_part_along_with_control():
     out = orient(with_control(block, lambda i, p: p, (Distance(first=first.name, second=second.name, length=length, sigma=0.02),)))
     row = out["ground_residuals"].distances[0]
     assert abs(row.difference) < 4 * row.predicted
+    assert row.sigma == pytest.approx(0.02) and 0 < row.redundancy < 1
     assert next(g for g in out["precision"].groups if g.name == "distances").count == 1
     assert np.abs(standardised_orientation(block, out["block"])).max() < 4.5
 

@@ -157,6 +157,8 @@ HEAD = "name,x,y,z,sigma_x,sigma_y,sigma_z\n"
         (f"{HEAD}A,400020,4000020,4.9,0.02,0.02,-0.02\n", "must be a positive number"),
         (f"{HEAD}A,400020,4000020,4.9,0.02,0.02,0.02\n" * 2, "name"),
         (f"{HEAD}A,500020,4000020,4.9,0.02,0.02,0.02\n", "None of the 1 points of .*p.csv lies on .*theirs.tif"),
+        (f"{HEAD}A,1312401.6,13123425.2,4.9,0.02,0.02,0.02\n", "only if their coordinates are feet"),
+        (f"{HEAD}A,9000020,9000020,4.9,0.02,0.02,0.02\n", "None of the 1 points"),
     ],
 )
 def test_points_of_an_inspector_that_cannot_be_used(delivered, text, words):
