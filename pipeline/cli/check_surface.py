@@ -34,6 +34,7 @@ from orthomill.schemas.stage_contract import InspectionPart, Stage
 
 _HEAD = "# Written by orthomill check"
 _WHOLE_HEAD = f"{_HEAD}, which writes it anew every time it is called; so does accept --block."
+_BLOCKS = "cameras.json of orthomill, OpenSfM's reconstruction.json or a CSV of X, Y, Z, omega, phi, kappa"
 _LINKS = "linked"
 """folder for links to files outside of the project's folder"""
 
@@ -88,14 +89,17 @@ def check_workflow(
 
 
 def block_workflow(
-    name: str, options: CheckOptions, more: dict[str, Any], root: Path, catalogue: tuple[type[Stage], ...]
+    name: str, product: Path, options: CheckOptions, more: dict[str, Any], root: Path, catalogue: tuple[type[Stage], ...]
 ) -> LoadedWorkflow:
-    """The workflow that takes the block of another program as it is, to its orientation; `more`: keys of the project. Raises
-    WorkflowError, and ValidationError for what no project can have."""
-    project = Project.model_validate(_of_photos(name, None, options, root, catalogue) | more | {"project": name})
+    """The workflow that takes the block of another program as it is, to its orientation; product: names the system where nothing
+    else does; `more`: keys of the project. Raises WorkflowError, and ValidationError for what no project can have."""
+    project = Project.model_validate(_of_photos(name, product, options, root, catalogue) | more | {"project": name})
     wanted: tuple[InspectionPart, ...] = ("cameras", *(("ties",) if _examines(options, root) else ()))
-    settings = {"orientation": {"exterior": _exterior(_cameras_of(options, root), root)}}
-    stages = tuple(_inspecting(wanted, settings, catalogue))
+    exterior = _exterior(_cameras_of(options, root), root)
+    if exterior["kind"] == "colmap" and project.positions.kind == "none":
+        # Without positions nothing could place it: its coordinates are those of the project, or its points will not be found.
+        exterior["placed"] = "project"
+    stages = tuple(_inspecting(wanted, {"orientation": {"exterior": exterior}}, catalogue))
     path = _written(name, root, workflow_text(project, stages))
     return LoadedWorkflow(project, stages, path, root, path.read_text(encoding="utf-8"))
 
@@ -172,7 +176,7 @@ def _of_photos(
     assert options.photos is not None
     survey = survey_folder(relative_to(options.photos, root), root)
     crs = options.crs or _crs_of_block(options.block) or survey.beside.projected
-    crs = crs or (plan_crs_of(surface) if surface else None) or survey.utm
+    crs = crs or (plan_crs_of(surface) if surface and surface.is_file() else None) or survey.utm
     if crs is None:
         known = f"Neither {shown(surface)} nor the photographs name" if surface else "The photographs do not name"
         raise WorkflowError(f"{known} a projected system in metres; name one with --crs.")
@@ -262,15 +266,23 @@ def _examines(options: CheckOptions, root: Path) -> bool:
 def _exterior(block: Path, root: Path) -> dict[str, Any]:
     """The orientation stage's source for a block, by what the file is."""
     if not block.exists():
-        raise WorkflowError(
-            f"There is no block {shown(block)}; give cameras.json, reconstruction.json, a CSV file or COLMAP's folder."
-        )
+        raise WorkflowError(f"There is no block {shown(block)}; give {_BLOCKS}, or COLMAP's folder of texts.")
     path = relative_to(block, root)
     if block.is_dir():
+        if not all((block / name).is_file() for name in ("cameras.txt", "images.txt")):
+            raise WorkflowError(
+                f"{shown(block)} holds no cameras.txt and images.txt; give the folder with COLMAP's texts (colmap model_converter "
+                f"--output_type TXT), or a file: {_BLOCKS}."
+            )
         files = {key: f"{path}/{name}.txt" for key, name in (("cameras_path", "cameras"), ("images_path", "images"))}
         return {"kind": "colmap", **files}
     if block.suffix.lower() in (".csv", ".txt"):
         return {"kind": "csv", "path": path}
+    if block.suffix.lower() != ".json":
+        raise WorkflowError(
+            f"{shown(block)} is no block that can be read; export the orientation as a table (Metashape: Export Cameras, Omega Phi "
+            f"Kappa), or give {_BLOCKS}."
+        )
     return {"kind": "orthomill" if _crs_of_block(block) is not None else "opensfm", "path": path}
 
 

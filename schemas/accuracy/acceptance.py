@@ -155,7 +155,7 @@ class AcceptanceResult(BaseModel):
     def sentence(self) -> str:
         """The verdict."""
         if self.complete:
-            return f"{self.delivery} keeps all {len(self.clauses)} clauses of {self.profile}."
+            return f"The delivery of {self.delivery} keeps all {len(self.clauses)} clauses of {self.profile}."
         missed, untested = (sum(c.outcome == outcome for c in self.clauses) for outcome in ("missed", "not testable"))
         of = f"{missed} of {len(self.clauses)} clauses missed, {untested} not testable"
-        return f"{self.delivery} is not complete by {self.profile}: {of}."
+        return f"The delivery of {self.delivery} is not complete by {self.profile}: {of}."

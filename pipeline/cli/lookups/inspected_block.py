@@ -39,6 +39,7 @@ def inspection_workflow(
     control = {"kind": "files", **{key: relative_to(path, root) for key, path in files.items()}}
     name = check_name(product).replace("check", "accept", 1)
     try:
-        return block_workflow(name, CheckOptions(photos=photos, block=block, crs=crs), {"control": control}, root, catalogue)
+        options = CheckOptions(photos=photos, block=block, crs=crs)
+        return block_workflow(name, product, options, {"control": control}, root, catalogue)
     except ValidationError as error:
         raise WorkflowError("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()) + ".") from error
