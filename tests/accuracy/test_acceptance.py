@@ -127,7 +127,7 @@ def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
             for i, role in enumerate(("check", "check", "control"))
         )
     )
-    known = Inspector(None, None, control, None)
+    known = Inspector(None, None, control, None, ("check", "control"))
     image = (grid, lambda cells, window: np.full((*window.shape, 3), 9.0, np.float32))
     found = known.statement((grid, lambda cells, window: np.full(window.shape, 10.2)), image)
     assert found.of("nva").points == 2 and found.of("nva").fit == pytest.approx(0.2)

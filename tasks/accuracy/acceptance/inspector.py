@@ -30,7 +30,7 @@ Read = Callable[[MapGrid, Window], np.ndarray]
 @dataclass(frozen=True)
 class Inspector:
     """What a project knows: block, photographs and control, and `patch`, which reads a window of a level of a photograph; roles: of
-    the points at which products are tested."""
+    the points at which products are tested, the first one that any point has."""
 
     block: Block
     photos: Photos
@@ -42,7 +42,8 @@ class Inspector:
 
     def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
         """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given."""
-        points = [point for point in self.control.points if point.role in self.roles]
+        of_roles = ([point for point in self.control.points if point.role == role] for role in self.roles)
+        points = next(filter(None, of_roles), [])
         tests = tuple(self._test(point, surface, ortho) for point in points)
         grid = surface[0] if surface else None
         area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
