@@ -66,7 +66,9 @@ def test_a_distance_that_took_part_has_its_smallest_error_found(stated):
 
 
 def test_a_block_without_control_has_an_empty_table():
-    assert len(state_adjustment(box_block(), GroundResiduals(), precision()).surveyed.name) == 0
+    found = state_adjustment(box_block(), GroundResiduals(), precision())
+    assert len(found.surveyed.name) == 0
+    assert not any("control" in grid.title for grid in adjustment_grids(found.statement))
 
 
 def test_groups_and_receivers_are_stated(stated):

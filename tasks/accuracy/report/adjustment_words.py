@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement, InteriorStatement
+from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement, InteriorStatement, SurveyedReliability
 from orthomill.schemas.accuracy.promised_errors import EXPECTED, MULTIPLES, KeptPromises, Reliability
 from orthomill.schemas.stage_report import Chart, Figure, Grid
 
@@ -69,12 +69,17 @@ def promise_warnings(reliability: Reliability) -> Iterator[str]:
 def adjustment_grids(adjustment: AdjustmentStatement) -> Iterator[Grid]:
     """A correlation matrix for each camera, and the reliability of control and distances."""
     yield from map(_interior_grid, adjustment.cameras)
-    yield Grid(
+    surveyed = (*adjustment.control, *adjustment.distances)
+    if surveyed:
+        yield _surveyed_grid(surveyed)
+
+
+def _surveyed_grid(surveyed: tuple[SurveyedReliability, ...]) -> Grid:
+    return Grid(
         title="Reliability of control and distances",
         columns=("point", "axis", "sigma (m)", "redundancy number", "smallest error found (m)", "its effect, not found (m)"),
         rows=tuple(
-            (c.point, c.axis, c.sigma, round(c.redundancy, 3), _millimetres(c.detectable), _millimetres(c.effect))
-            for c in (*adjustment.control, *adjustment.distances)
+            (c.point, c.axis, c.sigma, round(c.redundancy, 3), _millimetres(c.detectable), _millimetres(c.effect)) for c in surveyed
         ),
         note="Smallest error found: 4.13 sigma / sqrt(r), by a test at 0.1 % with 80 % probability (Baarda). Its effect: (1 - r) "
         "times that on the adjusted coordinate or length. GNSS positions: products/surveyed_reliability.csv; groups of "
