@@ -64,14 +64,14 @@ class PositionsCrowded(SpokenFinding):
 
 
 class TiltUnobserved(SpokenFinding):
-    """Positions and control lie nearly on one line, and an assumption determines the tilt about it."""
+    """Positions and control lie nearly on one line, and an assumption determines the tilt about it, if any does."""
 
     code: Literal["tilt_unobserved"] = "tilt_unobserved"
     # None where it is infinite: Infinity is no JSON, and other programs that read the tables need not accept it.
     tilt_sigma_deg: float | None
     """standard error of the tilt from positions and control alone; None: they do not determine it"""
-    basis: Literal["attitude", "down", "level"]
-    """where the up direction comes from"""
+    basis: Literal["attitude", "down", "level"] | None
+    """where the up direction comes from; None: what could be assumed of it, positions and control contradict"""
     sigma_deg: float
     """standard error of the tilt with the up direction"""
 
@@ -80,10 +80,14 @@ class TiltUnobserved(SpokenFinding):
         # Both numbers: a reader must see what the observations say, and what the assumption adds.
         alone = self.tilt_sigma_deg
         fixed = "do not determine" if alone is None or alone > OPEN_DEG else f"determine only to {alone:.1f} degrees"
+        rests = (
+            "and they show that the photographs look elsewhere than could be assumed, so that nothing else tells it"
+            if self.basis is None
+            else f"it rests {BASIS[self.basis]}, then good to {self.sigma_deg:.1f} degrees"
+        )
         return (
-            f"Positions and control lie so near to one line, for their standard errors, that they {fixed} the tilt about it; it "
-            f"rests {BASIS[self.basis]}, then good to {self.sigma_deg:.1f} degrees. Measure control away from the line, or fly "
-            "parallel strips farther apart."
+            f"Positions and control lie so near to one line, for their standard errors, that they {fixed} the tilt about it; "
+            f"{rests}. Measure control away from the line, or fly parallel strips farther apart."
         )
 
     @property

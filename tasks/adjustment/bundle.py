@@ -51,6 +51,9 @@ def adjust(network: Network, start: State, rays: Rays, test: BlunderTest | None 
         now = with_reinstated_blunders(now)
         if not now.changed:
             return final_result(settled(now))
+    if (now.used == now.solution.used).all():
+        # Standard errors of a few surveyed points creep where they nearly balance positions; they are known to a third only.
+        return final_result(now)
     raise GeometryError(
         f"The blunder tests of the bundle adjustment still rejected rays in the last of {test.rounds} rounds; the tie points "
         "contain too many wrong matches."

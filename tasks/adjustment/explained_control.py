@@ -4,15 +4,17 @@ Both steps compare what can explain the contradiction (testing/control_explanati
 control is loosened first so that it neither bends the block nor drags its rays, and on a plain one.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from orthomill.tasks.adjustment.model.common_position_errors import with_common_errors
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.model.surveyed_observations import Blunder, SurveyedKind
 from orthomill.tasks.adjustment.progress import Progress
 from orthomill.tasks.adjustment.solve.minimise import NEAR, minimise
-from orthomill.tasks.adjustment.testing.control_explanation import MOST, explained
+from orthomill.tasks.adjustment.testing.control_explanation import MOST, Explanation, explained
 from orthomill.tasks.adjustment.testing.control_in_block import as_weighted, control_in_block
 from orthomill.tasks.adjustment.testing.gross_blunders import control_misfits
 
@@ -34,14 +36,17 @@ def with_explained_control(now: Progress, rays: Rays, huber: float) -> Progress:
     misfit = control_misfits(now.network, now.state, rays, np.inf)
     # So loose that no point exceeds its standard errors, and none has Huber's weights: the solution is linear in the coordinates.
     loose = replace(now, factors=replace(now.factors, control=max(1.0, float(np.nanmax(misfit, initial=1.0)))))
-    state, steps, weighted, tempered = _loosened(loose, rays, huber)
+    # Many positions with one error in common would overrule control that agrees with each of them.
+    network, state = with_common_errors(now.network, now.state)
+    state, steps, weighted, tempered = _loosened(replace(loose, network=network, state=state), rays, huber)
     # Least squares to the last digit: what is left to gain would look like contradictions of the control.
     state, more = minimise(weighted, state, tempered, damping=NEAR)
     # Points whose rays do not intersect have a wrong pointing, and say nothing of the coordinates. Only now, because control that
     # is not loose bends the rays of its neighbours.
     placed = np.isfinite(control_misfits(now.network, state, rays, now.test.gross_surveyed))
-    now = replace(now, state=state, iterations=now.iterations + steps + more)
-    return _explained(now, weighted, tempered, np.where(placed[:, None], now.network.point_weight, 0.0))
+    found, size = _explanation(now, state, weighted, tempered, np.where(placed[:, None], now.network.point_weight, 0.0))
+    state = replace(state, shift=now.state.shift)
+    return _with_explanation(replace(now, state=state, iterations=now.iterations + steps + more), found, size)
 
 
 def without_unmet(network: Network, state: State, rays: Rays, limit: float) -> tuple[Network, Rays]:
@@ -74,16 +79,24 @@ def _loosened(loose: Progress, rays: Rays, huber: float) -> tuple[State, int, Ne
     return state, steps, *as_weighted(network, state, met, huber)
 
 
-def _explained(now: Progress, weighted: Network, rays: Rays, stated: np.ndarray) -> Progress:
-    number, equations = control_in_block(weighted, now.state, rays, stated)
+def _explanation(
+    now: Progress, state: State, weighted: Network, rays: Rays, stated: np.ndarray
+) -> tuple[Explanation, dict[int, float]]:
+    """What explains the control at the solution `state` of `weighted` observations, and the wrong points with their misfits there,
+    in standard errors."""
+    number, equations = control_in_block(weighted, state, rays, stated)
     rejected = sum(blunder.kind == SurveyedKind.CONTROL for blunder in now.blunders)
     found = explained(equations, _count(now.first) // MOST - rejected)
-    now = replace(now, explained=_count(now.network) - int(found.wrong.sum()))
+    size = np.sqrt((weighted.point_weight * (weighted.point - state.point) ** 2).sum(axis=1))
+    return found, {int(i): float(size[i]) for i in number[found.wrong]}
+
+
+def _with_explanation(now: Progress, found: Explanation, wrong: Mapping[int, float]) -> Progress:
+    now = replace(now, explained=_count(now.network) - len(wrong))
     if found.factor != now.factors.control:
         now = replace(now, factors=replace(now.factors, control=found.factor), changed=True)
-    size = np.sqrt((weighted.point_weight * (weighted.point - now.state.point) ** 2).sum(axis=1))
-    for i in number[found.wrong]:
-        now = now.without(Blunder(SurveyedKind.CONTROL, int(i), float(size[i])))
+    for i, size in wrong.items():
+        now = now.without(Blunder(SurveyedKind.CONTROL, i, size))
     return now
 
 

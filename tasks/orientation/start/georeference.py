@@ -43,6 +43,8 @@ CROWDED = 3.0
 """Known points within so many of their standard errors of each other give neither scale nor direction."""
 BENDS = 0.02
 """A free model is deformed by up to this share of its extent, because nothing but its own tie points determines its shape."""
+OTHERWISE = 3.0
+"""Points contradict what is assumed of the vertical where they put it elsewhere by so many standard errors of both."""
 UPWARD = 0.5
 """The photographs look upwards (or downwards) where the vertical component of their mean axis exceeds this."""
 FAR = 5.0
@@ -151,7 +153,8 @@ class _CommonPoints:
 @dataclass(frozen=True, eq=False)
 class _DatumFit:
     """The similarity that most points agree on, and which these are (n,) bool; of these the standard errors (m,), the residuals (m,
-    3) and the extent, m; the standard error (rad) of the rotation about their line."""
+    3) and the extent, m; the standard error (rad) of the rotation about their line, and whether the verticality constraint `held`
+    it."""
 
     similarity: Similarity
     near: np.ndarray
@@ -159,10 +162,11 @@ class _DatumFit:
     residual: np.ndarray
     extent: float
     turn: float
+    held: bool
 
     @property
     def weak(self) -> bool:
-        """Whether the rotation about the line of the points needs the verticality constraint."""
+        """Whether the points determine the rotation about their line poorly."""
         return self.turn > WEAK_TURN
 
 
@@ -179,7 +183,7 @@ def choose_datum(
         free = _free(model, known, origin, approximate_scale(points.model, points.local, points.sigma))
         return replace(free, findings=(*free.findings, PositionsCrowded()))
     up, basis = expected_up(model.rotation, known.up, known.top, looking, _direction(points.model))
-    fit = _fit(points, VerticalityConstraint(up_direction(model.rotation, up), 1.0 / vertical_sigma**2))
+    fit = _fit(points, VerticalityConstraint(up_direction(model.rotation, up), 1.0 / vertical_sigma**2), basis != "attitude")
     # Positions lie above the ground by themselves; only control can turn a block upside down.
     looks_up = None if known.positioned.any() else _looks_up(model, points, fit)
     if isinstance(looks_up, AxesExchanged):
@@ -232,9 +236,9 @@ def _placed_datum(
     findings = _findings(fit, basis, vertical_sigma, known.control[placed & ~aside[1]])
     findings += (looks_up,) if looks_up else ()
     positions, control = int((has & ~aside[0]).sum()), int((placed & ~aside[1]).sum())
-    rests = basis if fit.weak else None
+    rests = basis if fit.held else None
     sentence = datum_sentence(positions, control, rests)
-    return Datum(fit.similarity, points.origin, False, up if fit.weak else None, sentence, findings, *aside, basis=rests)
+    return Datum(fit.similarity, points.origin, False, up if fit.held else None, sentence, findings, *aside, basis=rests)
 
 
 def _common_points(model: State, known: Known, shift: bool) -> _CommonPoints:
@@ -260,8 +264,9 @@ def _rough_scale(model: np.ndarray, ground: np.ndarray, surveyed: np.ndarray) ->
     return float(np.median(apart[0]) / max(np.median(apart[1]), 1e-300))
 
 
-def _fit(points: _CommonPoints, constraint: VerticalityConstraint) -> _DatumFit:
-    """The similarity of the points near the consensus, with the verticality constraint where these need it."""
+def _fit(points: _CommonPoints, constraint: VerticalityConstraint, assumed: bool) -> _DatumFit:
+    """The similarity of the points near the consensus, with the verticality constraint where these need it and do not show that it
+    was wrongly `assumed`."""
     local, sigma, none = points.local, np.maximum(points.sigma, 1e-6), replace(constraint, weight=0.0)
     on_a_line = turn_precision(points.ground, sigma) > WEAK_TURN
     near = consensus(points.model, local, sigma, constraint if on_a_line else none, points.surveyed) < FAR
@@ -271,9 +276,21 @@ def _fit(points: _CommonPoints, constraint: VerticalityConstraint) -> _DatumFit:
     # Not better than 1e-4 of the extent: a free model has errors of its own, and millimetres would let two points decide.
     sigma = np.maximum(points.sigma, 1e-4 * extent)
     turn = turn_precision(points.ground[near], sigma[near])
-    weak = turn > WEAK_TURN
-    similarity = fit_similarity(points.model[near], local[near], sigma[near], constraint if weak else none)
-    return _DatumFit(similarity, near, sigma[near], (similarity.apply(points.model) - local)[near], extent, turn)
+    similarity = fit_similarity(points.model[near], local[near], sigma[near], none)
+    held = turn > WEAK_TURN and not (assumed and _is_otherwise(similarity, constraint, turn))
+    if held:
+        similarity = fit_similarity(points.model[near], local[near], sigma[near], constraint)
+    return _DatumFit(similarity, near, sigma[near], (similarity.apply(points.model) - local)[near], extent, turn, held)
+
+
+def _is_otherwise(similarity: Similarity, constraint: VerticalityConstraint, turn: float) -> bool:
+    """Whether points that determine the tilt to `turn` rad, better than the constraint does, contradict it."""
+    allowed = 1.0 / np.sqrt(constraint.weight)
+    # Points on one line seem to determine a tilt by chance, but never as well as that.
+    if turn > allowed:
+        return False
+    off = np.arccos(np.clip((similarity.rotation @ constraint.direction)[2], -1.0, 1.0))
+    return bool(off > OTHERWISE * np.hypot(turn, allowed))
 
 
 def _direction(points: np.ndarray) -> np.ndarray:
@@ -405,7 +422,10 @@ def _findings(fit: _DatumFit, basis: Basis, vertical_sigma: float, control: np.n
     if fit.weak:
         total = float(np.degrees(1.0 / np.sqrt(1.0 / fit.turn**2 + 1.0 / vertical_sigma**2)))
         alone = float(np.degrees(fit.turn)) if np.isfinite(fit.turn) else None
-        found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=basis, sigma_deg=total))
+        if fit.held:
+            found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=basis, sigma_deg=total))
+        elif alone is not None:
+            found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=None, sigma_deg=alone))
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
         if spread[1] < ONE_SIDED * spread[0]:

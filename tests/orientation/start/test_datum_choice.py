@@ -7,6 +7,7 @@ import pytest
 from small_network import small_network
 from surveyed_model import GRID, GROUND, NOTHING, SCALE, SITE, TURN, block, in_model
 
+from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.orientation.start.georeference import choose_datum, with_datum
 
 
@@ -70,6 +71,20 @@ def test_positions_on_one_line_need_the_up_direction():
     np.testing.assert_allclose(datum.up, np.tile([0, 0, 1.0], (6, 1)))
     rotation = datum.similarity.rotation @ TURN
     assert np.degrees(np.arccos(rotation[2, 2])) < 3.0, "as level as the photographs look down on average"
+
+
+@pytest.mark.parametrize(("off_deg", "held"), [(45.0, False), (5.0, True)])
+def test_positions_that_show_where_photographs_look_need_no_assumption_of_it(off_deg, held):
+    model, known = block(GRID * [1.0, 0.25, 1.0])
+    known = replace(known, position_sigma=np.full((6, 3), 0.5))
+    away = rotation_matrix(np.radians(off_deg), 0.0, 0.0)
+    datum = choose(replace(model, rotation=model.rotation @ TURN @ away @ TURN.T), known)
+    (finding,) = datum.findings
+    assert 1.0 < finding.tilt_sigma_deg < 1.5
+    assert (finding.basis == "down" and finding.sigma_deg < finding.tilt_sigma_deg) == held == (datum.up is not None)
+    if not held:
+        assert "look elsewhere than could be assumed" in finding.sentence and "rests" not in datum.sentence
+        np.testing.assert_allclose((datum.similarity.rotation @ TURN)[2], [0, 0, 1], atol=1e-6)
 
 
 def test_attitudes_come_before_assumptions():
