@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from small_network import more_control, small_network, surveyed_noise
 
-from orthomill.tasks.adjustment.bundle import adjust
+from orthomill.schemas.errors import GeometryError
+from orthomill.tasks.adjustment.bundle import BlunderTest, adjust
 from orthomill.tasks.adjustment.explained_control import without_unmet
 from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.minimise import minimise
@@ -34,6 +35,15 @@ def test_control_that_is_all_bad_keeps_its_points_and_gets_one_factor(points, se
 def test_one_blunder_among_good_control_is_named_and_the_others_keep_their_standard_errors(points, size, seed):
     wrong, result = adjusted(points, seed, blunder=size)
     assert [blunder.number for blunder in result.blunders] == [wrong] and result.factors.control == 1.0
+
+
+def test_standard_errors_that_creep_end_an_adjustment_but_rays_that_are_still_rejected_do_not():
+    network, state, rays = small_network(4, photos=6, points=60, noise=1.0)
+    one_round = BlunderTest(rounds=1)
+    assert adjust(network, state, replace(rays, sigma=rays.sigma / 3.0), one_round).used.all()
+    rays.xy[100] += 5.0 * rays.sigma[100]
+    with pytest.raises(GeometryError, match="still rejected rays in the last of 1 rounds"):
+        adjust(network, state, rays, one_round)
 
 
 def test_rays_that_do_not_meet_leave_a_block_with_loosened_control_its_scale():
