@@ -37,6 +37,8 @@ from orthomill.tasks.geometry.view import View, block_view
 
 _NEEDY_SHARE = 0.25
 """share of a pair's ground that has to lie under too few pairs; less is a fringe that the next pair along the strip sees as well"""
+_COARSE = 3.0
+"""times the distance of the nearest ground that a photograph shows: what lies farther away is no place for which pairs compete"""
 _PLACES_ACROSS = 10
 """places across a footprint: coverage is counted to a tenth of a photograph"""
 Places = frozenset[tuple[int, int]]
@@ -165,15 +167,32 @@ def footprints(views: list[View], z: float) -> list[Footprint | None]:
 
 
 def seen_places(views: list[View], z: float) -> list[Places]:
-    """The places that every photograph sees at height `z` (m); none for one that shows the horizon."""
-    prints = footprints(views, z)
+    """The places that every photograph sees at height `z` (m), less those far away; none for one that shows the horizon."""
+    prints, origin = footprints(views, z), np.mean([view.centre for view in views], axis=0)
     spacing = min((np.sqrt(p.area) for p in prints if p), default=1.0) / _PLACES_ACROSS
-    return [Places() if p is None else _places_in(p.polygon / spacing) for p in prints]
+    below = [view.centre - (*origin[:2], z) for view in views]
+    return [
+        Places() if p is None else _places_in(p.polygon / spacing, *(each / spacing for each in _near(p.polygon, centre)))
+        for p, centre in zip(prints, below, strict=True)
+    ]
 
 
-def _places_in(polygon: np.ndarray) -> Places:
-    """The points with whole coordinates in a convex polygon (N, 2)."""
-    low, high = np.ceil(polygon.min(axis=0)).astype(int), np.floor(polygon.max(axis=0)).astype(int)
+def _near(polygon: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The box (2,), (2,) m round a photograph, at `centre` (3,) above the ground, in which it shows ground of its `polygon`
+    (N, 2) m in pixels not far coarser than its finest: just below the horizon a footprint has no end."""
+    away = polygon - centre[:2]
+    edges = np.roll(away, -1, axis=0) - away
+    turns = edges[:, 1] * away[:, 0] - edges[:, 0] * away[:, 1]
+    above = (turns >= 0).all() or (turns <= 0).all()
+    nearest = 0.0 if above else float(np.hypot(*away.T).min())
+    reach = np.sqrt(max(_COARSE**2 * (nearest**2 + centre[2] ** 2) - centre[2] ** 2, 0.0))
+    return centre[:2] - reach, centre[:2] + reach
+
+
+def _places_in(polygon: np.ndarray, least: np.ndarray, most: np.ndarray) -> Places:
+    """The points with whole coordinates in a convex polygon (N, 2), and between `least` and `most` (2,)."""
+    low = np.ceil(np.maximum(polygon.min(axis=0), least)).astype(int)
+    high = np.floor(np.minimum(polygon.max(axis=0), most)).astype(int)
     cols, rows = (span.ravel() for span in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))))
     edges = np.roll(polygon, -1, axis=0) - polygon
     turns = edges[:, 0] * (rows[:, None] - polygon[:, 1]) - edges[:, 1] * (cols[:, None] - polygon[:, 0])

@@ -78,6 +78,15 @@ def test_places_are_those_of_the_footprint():
     assert len(one & other) / len(one) == pytest.approx((width - 100) / width, abs=0.12)
 
 
+def test_places_just_below_the_horizon_are_not_counted():
+    """A footprint of hundreds of kilometres in units of a tenth of the vertical one; an ordinary oblique one is not cut."""
+    steep, oblique, flat = level_view("s"), level_view("o", omega=50.0), level_view("f", omega=71.8)
+    areas = [footprint(view, 50.0, np.zeros(2)).area for view in (steep, oblique, flat)]
+    assert areas[2] > 100_000 * areas[0], "what this test is about: 100 million places"
+    counts = [len(places) for places in seen_places([steep, oblique, flat], 50.0)]
+    assert counts[1] == pytest.approx(100 * areas[1] / areas[0], rel=0.12) and counts[1] < counts[2] < 2500
+
+
 @settings(max_examples=50, deadline=None)
 @given(
     scores=st.lists(
