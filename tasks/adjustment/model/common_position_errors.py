@@ -16,7 +16,8 @@ def with_common_errors(network: Network, state: State) -> tuple[Network, State]:
     are where shifts are unknowns already, or there are no positions."""
     if network.shifts or not network.centre_weight.any():
         return network, state
-    shift, weight = np.full((network.photos, 3), -1, np.int64), []
+    shift = np.full((network.photos, 3), -1, np.int64)
+    weight: list[float] = []
     for group in np.unique(network.gnss_groups):
         for axis in range(3):
             own = (network.gnss_groups == group) & (network.centre_weight[:, axis] > 0)
