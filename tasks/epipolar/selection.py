@@ -180,11 +180,8 @@ def seen_places(views: list[View], z: float) -> list[Places]:
 def _near(polygon: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The box (2,), (2,) m round a photograph, at `centre` (3,) above the ground, in which it shows ground of its `polygon`
     (N, 2) m in pixels not far coarser than its finest: just below the horizon a footprint has no end."""
-    away = polygon - centre[:2]
-    edges = np.roll(away, -1, axis=0) - away
-    turns = edges[:, 1] * away[:, 0] - edges[:, 0] * away[:, 1]
-    above = (turns >= 0).all() or (turns <= 0).all()
-    nearest = 0.0 if above else float(np.hypot(*away.T).min())
+    above = _inside(polygon, centre[None, :2])[0]
+    nearest = 0.0 if above else float(np.linalg.norm(polygon - centre[:2], axis=1).min())
     reach = np.sqrt(max(_COARSE**2 * (nearest**2 + centre[2] ** 2) - centre[2] ** 2, 0.0))
     return centre[:2] - reach, centre[:2] + reach
 
@@ -194,10 +191,15 @@ def _places_in(polygon: np.ndarray, least: np.ndarray, most: np.ndarray) -> Plac
     low = np.ceil(np.maximum(polygon.min(axis=0), least)).astype(int)
     high = np.floor(np.minimum(polygon.max(axis=0), most)).astype(int)
     cols, rows = (span.ravel() for span in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))))
-    edges = np.roll(polygon, -1, axis=0) - polygon
-    turns = edges[:, 0] * (rows[:, None] - polygon[:, 1]) - edges[:, 1] * (cols[:, None] - polygon[:, 0])
-    inside = (turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)
+    inside = _inside(polygon, np.column_stack([cols, rows]))
     return Places(zip(rows[inside].tolist(), cols[inside].tolist(), strict=True))
+
+
+def _inside(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(M,) bool: points (M, 2) in a convex polygon (N, 2) or on its border."""
+    edges, spokes = np.roll(polygon, -1, axis=0) - polygon, points[:, None] - polygon
+    turns = edges[:, 0] * spokes[..., 1] - edges[:, 1] * spokes[..., 0]
+    return (turns >= 0).all(axis=1) | (turns <= 0).all(axis=1)
 
 
 def footprint(view: View, z: float, origin: np.ndarray) -> Footprint | None:

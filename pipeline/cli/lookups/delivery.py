@@ -18,6 +18,7 @@ from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
 from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
+from orthomill.pipeline.storage.height_systems import FEET
 from orthomill.pipeline.storage.map_files import opened_map, read_map, read_map_grid
 from orthomill.pipeline.storage.point_files import is_point_file
 from orthomill.pipeline.storage.store import Store
@@ -47,7 +48,6 @@ class Delivered:
     points: Path | None
 
 
-_FOOT = 0.3048
 Limits = dict[str, float]
 """limits that the command line names, by the name of their setting"""
 
@@ -172,7 +172,7 @@ def _refuse_elsewhere(points: tuple[Any, ...], grid: MapGrid, crs: str, delivere
     x, y = np.array([point.xyz[:2] for point in points]).T
     if _any_on(grid, x, y):
         return
-    if _any_on(grid, _FOOT * x, _FOOT * y):
+    if _any_on(grid, FEET["ft"] * x, FEET["ft"] * y):
         raise WorkflowError(
             f"The points of {delivered.points} lie on {delivered.dsm} only if their coordinates are feet: convert the list to "
             "metres, or name its system, in feet, with --crs."

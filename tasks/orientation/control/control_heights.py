@@ -22,13 +22,13 @@ from orthomill.schemas.observations import NO_HEIGHT, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.schemas.project import ANY_CRS
 from orthomill.schemas.survey_files.written_numbers import STAND_INS
+from orthomill.tasks.geometry.coordinate_ranges import FOOT
 from orthomill.tasks.geometry.survey_system import ellipsoidal, height_unit, survey_crs, transform_surveyed, vertical_name
 
 _ENOUGH_HEIGHTS = 3
 """Points that are all at the height 0 by more than chance"""
 _HIGH = 20.0
 """m: where all other points are higher than this (or lower than its negative), one at exactly 0 has no height"""
-_FOOT = 0.3048
 _ABOVE = 1.5
 """times as high as the highest camera: where control of a flight lies so high, its heights are in feet"""
 
@@ -115,8 +115,8 @@ def about_feet(xyz: np.ndarray, system: str, photos: Photos) -> list[ControlFind
     if not cameras or not len(heights) or min(cameras) <= 0.0:
         return []
     middle = float(np.median(heights))
-    if middle > _ABOVE * max(cameras) and _FOOT * middle < min(cameras):
-        return [HeightsInFeet(crs=system, unit_m=_FOOT, converted=False)]
+    if middle > _ABOVE * max(cameras) and FOOT * middle < min(cameras):
+        return [HeightsInFeet(crs=system, unit_m=FOOT, converted=False)]
     return []
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from orthomill.schemas.findings.datum_findings import TiltUnobserved
 from orthomill.schemas.findings.finding import two_digits
+from orthomill.tasks.adjustment.model.common_position_errors import with_group_shifts
 from orthomill.tasks.adjustment.model.datum import position_residuals
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
@@ -83,19 +84,11 @@ def with_own_parts(network: Network, state: State, parts: OwnParts, flight: np.n
     """The network with both parts of the positions, and the state with the shifts of the flights (P,); coordinates that have a free
     shift already keep it. `assumed`: the vertical is an assumption, and gone where positions determine the tilt."""
     has = network.centre_weight > 0
-    shift = network.shift.copy() if network.shifts else np.full(parts.own.shape, -1, np.int64)
-    sigma: list[float] = []
-    for number in np.unique(flight):
-        for axis in range(3):
-            own = (flight == number) & has[:, axis] & (shift[:, axis] < 0) & (parts.common[:, axis] > 0)
-            if own.any():
-                shift[own, axis] = network.shifts + len(sigma)
-                sigma.append(float(np.median(parts.common[own, axis])))
-    weight = np.concatenate([network.shift_weights, 1.0 / np.array(sigma) ** 2])
-    network = replace(network, centre_weight=np.where(has, 1.0 / parts.own**2, 0.0), shift=shift, shift_weight=weight)
+    network, state = with_group_shifts(network, state, flight, parts.common)
+    network = replace(network, centre_weight=np.where(has, 1.0 / parts.own**2, 0.0))
     if assumed and own_turn(network, parts) <= WEAK_TURN:
         network = replace(network, vertical_weight=np.zeros(network.photos))
-    return network, replace(state, shift=np.append(state.shift, np.zeros(len(sigma))))
+    return network, state
 
 
 def own_turn(network: Network, parts: OwnParts) -> float:

@@ -422,10 +422,8 @@ def _findings(fit: _DatumFit, basis: Basis, vertical_sigma: float, control: np.n
     if fit.weak:
         total = float(np.degrees(1.0 / np.sqrt(1.0 / fit.turn**2 + 1.0 / vertical_sigma**2)))
         alone = float(np.degrees(fit.turn)) if np.isfinite(fit.turn) else None
-        if fit.held:
-            found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=basis, sigma_deg=total))
-        elif alone is not None:
-            found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=None, sigma_deg=alone))
+        rests, sigma = (basis, total) if fit.held else (None, float(np.degrees(fit.turn)))
+        found.append(TiltUnobserved(tilt_sigma_deg=alone, basis=rests, sigma_deg=sigma))
     if len(control) >= 3:
         spread = np.linalg.svd(control[:, :2] - control[:, :2].mean(axis=0), compute_uv=False)
         if spread[1] < ONE_SIDED * spread[0]:
