@@ -85,6 +85,13 @@ class Distance(BaseModel):
     second: str
     length: float
     sigma: float
+    measured: float | None = None
+    """m: on the ground, as the file states it; None where `length` is not put on a map"""
+
+    @property
+    def on_ground(self) -> "Distance":
+        """As it was measured: what a file of distances holds."""
+        return self if self.measured is None else self.model_copy(update={"length": self.measured, "measured": None})
 
 
 class Control(BaseModel):

@@ -211,9 +211,12 @@ class DistanceResidual(BaseModel):
     first: str
     second: str
     length: float
+    """on the map, where something tells its scale"""
     difference: float
     predicted: float
     """standard error of the difference that the adjustment predicts, m"""
+    measured: float | None = None
+    """m: on the ground, as the file states it; None where `length` is that"""
     role: Literal["control", "check"] = "control"
     """`check`: an end is a check point, so that the distance takes no part in the adjustment"""
     redundancy: float | None = None

@@ -148,6 +148,9 @@ class DistanceContradicted(SpokenFinding):
     first: str
     second: str
     length: float
+    """m, on the map of the project where something tells its scale"""
+    measured: float | None = None
+    """m: on the ground, as the file states it; None where `length` is that"""
     difference: float
     """block minus given, m"""
     ratio: float
@@ -157,7 +160,7 @@ class DistanceContradicted(SpokenFinding):
 
     @property
     def sentence(self) -> str:
-        which = f"The distance from {self.first} to {self.second} ({self.length:.3f} m) contradicts"
+        which = f"The distance from {self.first} to {self.second} ({self._lengths}) contradicts"
         off = f"block minus given: {self.difference:+.3f} m"
         if self.outcome == "downweighted":
             return (
@@ -172,6 +175,13 @@ class DistanceContradicted(SpokenFinding):
             else "too few others show which of them is wrong. Measure it again"
         )
         return f"{which} the block ({off}, {self.ratio:.0f} times the predicted standard error); {end}."
+
+    @property
+    def _lengths(self) -> str:
+        """As the file states it, and on the map where that differs by a millimetre."""
+        on_map = f"{self.length:.3f} m"
+        measured = on_map if self.measured is None else f"{self.measured:.3f} m"
+        return measured if measured == on_map else f"measured {measured}, on the map {on_map}"
 
 
 # Without redundancy the residual of the only distance is zero whatever its error, so that no test can report a blunder.

@@ -20,8 +20,8 @@ def given_points(photos: Photos, text: str, own: str | None, crs: str) -> Marks:
 
 
 def marks_of(control: Control) -> Marks:
-    """Control with its measurements as marks."""
-    return Marks(points=tuple(map(_marked, control.points)), distances=control.distances)
+    """Control with its measurements as marks, and distances as they were measured: the map's scale comes in when marks are read."""
+    return Marks(points=tuple(map(_marked, control.points)), distances=tuple(one.on_ground for one in control.distances))
 
 
 def _marked(point: ControlPoint) -> MarkedPoint:

@@ -37,4 +37,4 @@ def _scaled(distance: Distance, factor: float, known: dict[str, np.ndarray]) -> 
         between = known[distance.second] - known[distance.first]
         level = float(np.hypot(*between[:2]) / max(np.linalg.norm(between), 1e-9))
     change = np.sqrt((level * factor) ** 2 + 1.0 - level**2)
-    return distance.model_copy(update={"length": distance.length * float(change)})
+    return distance.model_copy(update={"length": distance.length * float(change), "measured": distance.length})

@@ -89,8 +89,8 @@ def _largest(precision: BlockPrecision) -> Grid:
 def _distances(distances: tuple[DistanceResidual, ...]) -> Grid:
     return Grid(
         title="Distances",
-        columns=("from", "to", "role", "measured m", "block minus measured m", "predicted sigma m"),
-        rows=tuple((d.first, d.second, d.role, d.length, d.difference, d.predicted) for d in distances),
+        columns=("from", "to", "role", "measured m", "on the map m", "block minus measured m", "predicted sigma m"),
+        rows=tuple((d.first, d.second, d.role, d.measured or d.length, d.length, d.difference, d.predicted) for d in distances),
     )
 
 

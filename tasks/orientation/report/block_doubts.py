@@ -26,6 +26,7 @@ from orthomill.schemas.findings.foreign_findings import BlockElsewhere
 from orthomill.schemas.findings.observation_findings import (
     ControlContradicted,
     ControlUnmet,
+    DistanceContradicted,
     MarksInAnotherFrame,
     PositionsElsewhere,
 )
@@ -50,6 +51,7 @@ GRAVE = (
     BlockElsewhere,
     PositionsElsewhere,
     ControlContradicted,
+    DistanceContradicted,
     GroupsUnconnected,
     BlockSeparate,
     ConstantContradicted,

@@ -39,7 +39,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     # Rows of blunders are needed twice: by name, and to keep their single measurements out of the findings.
     # Without a datum nothing is known of the ground, so no coordinate can contradict the block.
     points = [] if results.datum.free else contradicting_points(results)
-    distances = contradicting_distances(results)
+    distances = contradicting_distances(results, control)
     shape = shape_precision(results)
     bends = tuple(bent_block(results, shape.bend if shape else None))
     arms = tuple(_lever_arms(problem, result))

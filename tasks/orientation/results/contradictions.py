@@ -58,17 +58,17 @@ def contradictions(
 ) -> Iterator[BlockFinding]:
     """All contradictions of a block: `points` and `distances` took no part because of them."""
     yield from _points_left_out(results, points)
-    yield from _distances(results, distances)
+    yield from _distances(results, distances, control)
     yield from filter(None, (_distance(row, left_out=False, enlarged=False) for row in check_distance_rows(results, control)))
     yield from _measurements_left_out(results, points)
     if not results.datum.free:
         yield from _check_measurements(results, control)
 
 
-def contradicting_distances(results: BlockResults) -> list[DistanceResidual]:
+def contradicting_distances(results: BlockResults, control: Control) -> list[DistanceResidual]:
     """Distances that took no part because they contradict the block."""
     weight = results.result.network.distances.weight
-    return [row for row, own in zip(distance_rows(results), weight, strict=True) if own == 0]
+    return [row for row, own in zip(distance_rows(results, control), weight, strict=True) if own == 0]
 
 
 def contradicting_points(results: BlockResults) -> list[GroundResidual]:
@@ -125,10 +125,10 @@ def _along_the_view(results: BlockResults, positions: list[GroundResidual]) -> P
     return PositionsAlongView(photos=len(positions), along_m=along)
 
 
-def _distances(results: BlockResults, left_out: list[DistanceResidual]) -> Iterator[BlockFinding]:
+def _distances(results: BlockResults, left_out: list[DistanceResidual], control: Control) -> Iterator[BlockFinding]:
     """Distances that were left out, those that miss the block although nothing shows which is wrong, and a scale that nothing
     checks."""
-    rows = distance_rows(results)
+    rows = distance_rows(results, control)
     for row, enlarged in zip(rows, _enlarged(results), strict=True):
         found = _distance(row, row in left_out, bool(enlarged))
         if found:
@@ -152,6 +152,7 @@ def _distance(row: DistanceResidual, left_out: bool, enlarged: bool) -> Distance
         first=row.first,
         second=row.second,
         length=row.length,
+        measured=row.measured,
         difference=row.difference,
         ratio=ratio,
         outcome="downweighted" if enlarged else "excluded" if left_out else "check" if row.role == "check" else "undecided",

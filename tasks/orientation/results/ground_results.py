@@ -18,7 +18,7 @@ _NO_WEIGHT = 1e-12
 
 def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals:
     """How the block fits what is known; observations that took no part are compared all the same."""
-    distances = (*distance_rows(results), *check_distance_rows(results, control))
+    distances = (*distance_rows(results, control), *check_distance_rows(results, control))
     # Coordinates of a free network are those of no ground point.
     if results.datum.free:
         return GroundResiduals(distances=distances)
@@ -79,10 +79,11 @@ def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]
     return rows
 
 
-def distance_rows(results: BlockResults) -> list[DistanceResidual]:
-    """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
+def distance_rows(results: BlockResults, control: Control) -> list[DistanceResidual]:
+    """Distances of `control` that took part, or could have, against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = results.result.network, results.result.state, results.problem
     residual, rows = distance_residuals(network, state), []
+    measured = {(d.first, d.second): d.measured for d in control.distances}
     spread, white = (distance_variances(r) for r in (results.result, results.result.as_computed))
     for i, ((first, second), stated) in enumerate(zip(*stated_distances(results), strict=True)):
         weight = network.distances.weight[i]
@@ -97,6 +98,7 @@ def distance_rows(results: BlockResults) -> list[DistanceResidual]:
                 length=float(network.distances.length[i]),
                 difference=float(-residual[i]),
                 predicted=float(predicted),
+                measured=measured.get(names),
                 redundancy=float(np.clip(1.0 - weight * white[i], 0.0, 1.0)) if weight > 0 else None,
                 sigma=float(1.0 / np.sqrt(weight)) if weight > 0 else None,
             )
@@ -125,6 +127,7 @@ def check_distance_rows(results: BlockResults, control: Control) -> list[Distanc
             length=d.length,
             difference=float(np.linalg.norm(found[j] - found[i])) - d.length,
             predicted=float(np.sqrt(variance + d.sigma**2)),
+            measured=d.measured,
             role="check",
         )
         for d, (i, j), variance in zip(placed, ends, variances, strict=True)

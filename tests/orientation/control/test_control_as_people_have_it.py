@@ -15,6 +15,7 @@ from orthomill.schemas.observations import NO_HEIGHT
 from orthomill.schemas.photo import Photo, Photos
 from orthomill.schemas.project import ControlFromFiles, ControlFromGcpList
 from orthomill.schemas.survey_files.text_encoding import decoded
+from orthomill.tasks.marking.given_points import marks_of
 from orthomill.tasks.orientation.control.control_system import control_from_files, control_from_list
 
 UTM = "EPSG:32632"
@@ -537,6 +538,8 @@ def test_distances_are_those_of_the_map():
     lengths = "from,to,metres,sigma\nP1,P2,100,0.01\nP1,P3,100,0.01\n"
     found = control_from_files(photos, text, marks(), None, UTM, lengths)
     assert [d.length for d in found.distances] == pytest.approx([99.9553, 99.9553], abs=2e-4)
+    # Marks are written as files of control, which are put on the map when they are read.
+    assert [d.measured for d in found.distances] == [d.length for d in marks_of(found).distances] == [100.0, 100.0]
 
 
 def test_distances_of_a_local_system_stay():

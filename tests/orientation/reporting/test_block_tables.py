@@ -152,8 +152,8 @@ def test_the_largest_residuals_keep_their_order():
 
 
 def test_distances_are_compared_with_the_block():
-    rows = (DistanceResidual(first="A", second="B", length=12.5, difference=0.004, predicted=0.003),)
-    assert adjustment_grids(precision(), rows)[2].rows == (("A", "B", "control", 12.5, 0.004, 0.003),)
+    rows = (DistanceResidual(first="A", second="B", length=12.5, measured=12.51, difference=0.004, predicted=0.003),)
+    assert adjustment_grids(precision(), rows)[2].rows == (("A", "B", "control", 12.51, 12.5, 0.004, 0.003),)
 
 
 def test_an_antenna_that_is_exactly_known_has_no_standard_errors():

@@ -220,6 +220,10 @@ SPOKEN = [
         ["from A to B (12.500 m) contradicts the block", "+0.250 m, 9 times", "it took no part"],
     ),
     (
+        f.DistanceContradicted(first="A", second="B", length=12.495, measured=12.5, difference=0.25, ratio=9.0, outcome="check"),
+        ["from A to B (measured 12.500 m, on the map 12.495 m) contradicts", "as one to a check point"],
+    ),
+    (
         f.DistanceContradicted(first="A", second="B", length=12.5, difference=0.25, ratio=9.0, outcome="undecided"),
         ["contradicts the block", "too few others show which"],
     ),
