@@ -12,6 +12,9 @@ MULTIPLES = (1.0, 2.0, 3.0)
 EXPECTED = (0.6827, 0.9545, 0.9973)
 """shares within these of normal errors whose standard errors are right"""
 
+BEYOND_CHANCE = 0.001
+"""as for errors that check points share"""
+
 
 class KeptPromises(BaseModel):
     """Observations of one kind against the standard errors promised for them."""
@@ -32,6 +35,8 @@ class KeptPromises(BaseModel):
     """95 % confidence intervals of these shares, for so many items"""
     factor: float
     """what the promised errors must be multiplied with for 68 % to lie within one; offered, never applied"""
+    chance: float | None = None
+    """probability that of so many items no more lie within one promised error where all promises are right; None: not stated"""
 
     @property
     def holds(self) -> bool:
@@ -40,8 +45,13 @@ class KeptPromises(BaseModel):
 
     @property
     def too_sure(self) -> bool:
-        """Whether fewer lie within than were promised, beyond chance."""
+        """Whether fewer lie within than were promised, by the 95 % interval: of eleven kinds one may be by chance."""
         return self.high[0] < EXPECTED[0]
+
+    @property
+    def broken(self) -> bool:
+        """Whether that is beyond chance, however many kinds a project has."""
+        return self.too_sure and (self.chance is None or self.chance < BEYOND_CHANCE)
 
 
 class Reliability(BaseModel):

@@ -12,7 +12,7 @@ from orthomill.schemas.surface import SurfacePoints
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import kept, reliability_of
-from orthomill.tasks.accuracy.report.adjustment_words import promise_warnings
+from orthomill.tasks.accuracy.report.adjustment_words import promise_doubts, promise_warnings
 
 RNG = np.random.default_rng(7)
 
@@ -27,6 +27,15 @@ def test_promises_that_hold_and_others_are_told_apart(times, holds, too_sure):
     assert found.holds is holds and found.too_sure is too_sure
     assert found.factor == pytest.approx(times, rel=0.15)
     assert bool(list(promise_warnings(Reliability(kinds=(found,))))) is too_sure
+
+
+@pytest.mark.parametrize(("inside", "count", "doubts"), [(6, 14, 0), (0, 3, 0), (2, 14, 1)])
+def test_what_may_be_chance_is_a_warning_and_no_doubt(inside, count, doubts):
+    found = Reliability(kinds=(kept("distances", True, [[(0.5 if i < inside else 1.5, 1.0)] for i in range(count)]),))
+    (sentence,) = promise_warnings(found)
+    assert len(list(promise_doubts(found))) == doubts
+    assert ("Errors may have been promised too well" in sentence) == (not doubts)
+    assert inside != 6 or "in one of 23 such sets by chance" in sentence
 
 
 def test_few_points_prove_little():

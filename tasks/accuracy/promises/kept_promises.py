@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+from scipy.special import bdtr
 
 from orthomill.schemas.accuracy.point_tests import PointTests
 from orthomill.schemas.accuracy.promised_errors import (
@@ -94,6 +95,7 @@ def kept(kind: str, independent: bool, items: Iterable[Sequence[tuple[float | No
         low=_three([low for low, _ in bounds]),
         high=_three([high for _, high in bounds]),
         factor=float(np.quantile(every, EXPECTED[0])),
+        chance=float(bdtr(round(within[0] * count), count, EXPECTED[0])),
     )
 
 

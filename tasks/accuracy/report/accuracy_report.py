@@ -11,6 +11,7 @@ from orthomill.schemas.stage_report import Accuracy, Answer, Evidence, Figure, G
 from orthomill.tasks.accuracy.report.adjustment_words import (
     adjustment_grids,
     promise_chart,
+    promise_doubts,
     promise_figures,
     promise_grid,
     promise_warnings,
@@ -55,7 +56,7 @@ def accuracy_report(
     tests: PointTests, statement: AccuracyStatement, reliability: Reliability, adjustment: AdjustmentStatement
 ) -> StageReport:
     """Verdict, figures and tables of the products tested at the points."""
-    warnings = (*_warnings(tests, statement), *promise_warnings(reliability))
+    tested = tuple(_warnings(tests, statement))
     return StageReport(
         verdict=_verdict(tests, statement),
         answers=tuple(_answers(statement)),
@@ -64,8 +65,8 @@ def accuracy_report(
         figures=(*_figures(statement), *promise_figures(reliability)),
         grids=(*_grids(tests, statement), promise_grid(reliability), *adjustment_grids(adjustment)),
         charts=promise_chart(reliability),
-        doubts=tuple(_doubts(statement, warnings)),
-        warnings=warnings,
+        doubts=(*_doubts(statement, tested), *promise_doubts(reliability)),
+        warnings=(*tested, *promise_warnings(reliability)),
     )
 
 

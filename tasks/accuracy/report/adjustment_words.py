@@ -56,14 +56,26 @@ def promise_figures(reliability: Reliability) -> Iterator[Figure]:
 
 
 def promise_warnings(reliability: Reliability) -> Iterator[str]:
-    """Kinds whose errors were promised too well, beyond chance."""
-    for kind in reliability.kinds:
-        if kind.too_sure:
-            yield (
-                f"Errors were promised too well ({kind.kind}): {100 * kind.within[0]:.0f} % instead of 68 % lie within one of them "
-                f"(at most {100 * kind.high[0]:.0f} %, by {kind.items}). Standard errors {kind.factor:.1f} times as large would "
-                "hold; none is changed."
-            )
+    """Kinds whose errors were promised too well, or may have been."""
+    yield from (_too_sure(kind) for kind in reliability.kinds if kind.too_sure)
+
+
+def promise_doubts(reliability: Reliability) -> Iterator[str]:
+    """Those of them that are beyond chance."""
+    yield from (_too_sure(kind) for kind in reliability.kinds if kind.broken)
+
+
+def _too_sure(kind: KeptPromises) -> str:
+    found = (
+        f"promised too well ({kind.kind}): {100 * kind.within[0]:.0f} % instead of 68 % lie within one of them (at most "
+        f"{100 * kind.high[0]:.0f} %, by {kind.items})"
+    )
+    if kind.broken:
+        return f"Errors were {found}. Standard errors {kind.factor:.1f} times as large would hold; none is changed."
+    return (
+        f"Errors may have been {found}; where all are right, so few are found in one of {1 / (kind.chance or 1.0):.0f} such sets by "
+        "chance. None is changed."
+    )
 
 
 def adjustment_grids(adjustment: AdjustmentStatement) -> Iterator[Grid]:
