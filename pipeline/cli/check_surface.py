@@ -31,6 +31,8 @@ from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.project import Project
 from orthomill.schemas.stage_contract import InspectionPart, Stage
+from orthomill.schemas.survey_files.noted_origin import noted_origin
+from orthomill.schemas.survey_files.text_encoding import decoded
 
 _HEAD = "# Written by orthomill check"
 _WHOLE_HEAD = f"{_HEAD}, which writes it anew every time it is called; so does accept --block."
@@ -175,7 +177,7 @@ def _of_photos(
     """The project part that `orthomill init` would write for a folder of photographs."""
     assert options.photos is not None
     survey = survey_folder(relative_to(options.photos, root), root)
-    crs = options.crs or _crs_of_block(options.block) or survey.beside.projected
+    crs = options.crs or _crs_of_block(options.block) or _noted_system(options.block) or survey.beside.projected
     crs = crs or (plan_crs_of(surface) if surface and surface.is_file() else None) or survey.utm
     if crs is None:
         known = f"Neither {shown(surface)} nor the photographs name" if surface else "The photographs do not name"
@@ -217,6 +219,18 @@ def _crs_of_block(block: Path | None) -> str | None:
         return Block.model_validate_json(block.read_text(encoding="utf-8")).crs
     except (ValidationError, UnicodeDecodeError):
         return None
+
+
+def _noted_system(block: Path | None) -> str | None:
+    """The system that COLMAP's texts note where they are an export of a project here."""
+    images = block and block.is_dir() and _colmap_texts(block) / "images.txt"
+    noted = noted_origin(decoded(images.read_bytes(), str(images))) if images and images.is_file() else None
+    return noted.crs if noted else None
+
+
+def _colmap_texts(folder: Path) -> Path:
+    """Where the texts are: in the folder, or, in an export of a project here, in text."""
+    return folder if (folder / "images.txt").is_file() else folder / "text"
 
 
 def _stages(surface: Path, options: CheckOptions, root: Path, catalogue: tuple[type[Stage], ...]) -> Iterator[Stage]:
@@ -267,15 +281,18 @@ def _exterior(block: Path, root: Path) -> dict[str, Any]:
     """The orientation stage's source for a block, by what the file is."""
     if not block.exists():
         raise WorkflowError(f"There is no block {shown(block)}; give {_BLOCKS}, or COLMAP's folder of texts.")
-    path = relative_to(block, root)
     if block.is_dir():
-        if not all((block / name).is_file() for name in ("cameras.txt", "images.txt")):
+        texts = _colmap_texts(block)
+        if not all((texts / name).is_file() for name in ("cameras.txt", "images.txt")):
             raise WorkflowError(
                 f"{shown(block)} holds no cameras.txt and images.txt; give the folder with COLMAP's texts (colmap model_converter "
                 f"--output_type TXT), or a file: {_BLOCKS}."
             )
-        files = {key: f"{path}/{name}.txt" for key, name in (("cameras_path", "cameras"), ("images_path", "images"))}
-        return {"kind": "colmap", **files}
+        folder = relative_to(texts, root)
+        files = {key: f"{folder}/{name}.txt" for key, name in (("cameras_path", "cameras"), ("images_path", "images"))}
+        # Coordinates of which the texts say what they are need no positions to place them.
+        return {"kind": "colmap", **files} | ({"placed": "project"} if _noted_system(block) else {})
+    path = relative_to(block, root)
     if block.suffix.lower() in (".csv", ".txt"):
         return {"kind": "csv", "path": path}
     if block.suffix.lower() != ".json":

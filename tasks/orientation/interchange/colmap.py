@@ -9,6 +9,7 @@ import numpy as np
 
 from orthomill.schemas.camera import LENSES, Camera, lens_parameters
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.survey_files.noted_origin import NotedOrigin, noted_origin, origin_note
 from orthomill.schemas.survey_files.photograph_names import photo_stem
 from orthomill.tasks.geometry.rotation_quaternion import quaternion, rotation_of_quaternion
 from orthomill.tasks.orientation.interchange.foreign_block import Y_DOWN, ForeignBlock, ForeignPose
@@ -23,13 +24,13 @@ _LENS = {
     "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
 }
 """Camera models that can be read and written, and the order of their parameters."""
-_ORIGIN = "# Coordinates are those of the reference system less the origin:"
 
 
 def read_colmap(cameras: str, images: str, points: str = "") -> ForeignBlock:
     """The texts of cameras.txt, images.txt and (where there is one) points3D.txt as a block. Raises WorkflowError."""
     known = dict(_camera(line) for line in _lines(cameras))
-    origin = _origin(images)
+    noted = noted_origin(images)
+    origin = np.array(noted.xyz) if noted else np.zeros(3)
     poses, of_photo = _poses(images, known, origin)
     rows = [line.split() for line in _lines(points)]
     # COLMAP writes an error of -1 for points without one.
@@ -67,12 +68,6 @@ def _pose_lines(text: str) -> list[str]:
     return [line for line in [line for line in text.splitlines() if not line.startswith("#")][::2] if line.strip()]
 
 
-def _origin(text: str) -> np.ndarray:
-    """(3,) the origin that `write_colmap` noted; zero for files of other programs."""
-    line = next((line for line in text.splitlines() if line.startswith(_ORIGIN)), "")
-    return np.array(line.removeprefix(_ORIGIN).split()[:3], float) if line else np.zeros(3)
-
-
 def _camera(line: str) -> tuple[str, Camera]:
     """CAMERA_ID and camera of a line of cameras.txt."""
     number, model, width, height, *numbers = line.split()
@@ -102,7 +97,7 @@ def write_colmap(block: ForeignBlock, files: dict[str, str], origin: np.ndarray,
     """The three texts by their file names; `files`: photograph -> file name; `origin` (3,) is subtracted from all
     coordinates, which would lose digits in the single precision of viewers."""
     number = {camera.name: i + 1 for i, camera in enumerate({c.name: c for c in block.cameras.values()}.values())}
-    note = f"{_ORIGIN} {origin[0]:.3f} {origin[1]:.3f} {origin[2]:.3f} of {crs}\n"
+    note = origin_note(NotedOrigin(tuple(origin.tolist()), crs))
     images = [note]
     for i, (name, pose) in enumerate(block.poses.items(), 1):
         rotation = Y_DOWN @ pose.rotation

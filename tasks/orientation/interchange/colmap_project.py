@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from orthomill.schemas.camera import Camera
+from orthomill.schemas.survey_files.noted_origin import NotedOrigin, origin_note
 from orthomill.tasks.geometry.distortion import principal_place
 from orthomill.tasks.geometry.rotation_quaternion import quaternion
 from orthomill.tasks.orientation.interchange.pinhole_model import PinholeModel, file_of
@@ -24,18 +25,17 @@ _GREY = (128, 128, 128)
 def colmap_project(model: PinholeModel, suffix: str, crs: str) -> dict[str, bytes]:
     """Contents by path. `suffix`: of the undistorted photographs, which lie in images/."""
     files = [file_of(name, suffix) for name in model.names]
-    x, y, z = model.origin
-    note = f"Coordinates are those of {crs} less the origin {x:.3f} {y:.3f} {z:.3f}.\n"
+    note = origin_note(NotedOrigin(tuple(model.origin.tolist()), crs))
     return {
         "sparse/cameras.bin": _binary_cameras(model),
         "sparse/images.bin": _binary_images(model, files),
         "sparse/points3D.bin": _binary_points(model),
         "text/cameras.txt": _text_cameras(model).encode(),
-        "text/images.txt": _text_images(model, files).encode(),
-        "text/points3D.txt": _text_points(model).encode(),
+        "text/images.txt": (note + _text_images(model, files)).encode(),
+        "text/points3D.txt": (note + _text_points(model)).encode(),
         "stereo/patch-match.cfg": "".join(f"{file}\n__auto__, 20\n" for file in files).encode(),
         "stereo/fusion.cfg": "".join(f"{file}\n" for file in files).encode(),
-        "origin.txt": note.encode(),
+        "origin.txt": note.removeprefix("# ").encode(),
     }
 
 

@@ -19,6 +19,7 @@ from orthomill.schemas.project import ControlFromGcpList
 from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.imagery.undistorted import ideal_camera, undistorted_photograph
 from orthomill.tasks.orientation.control.gcp_list import read_gcp_list
+from orthomill.tasks.orientation.interchange.colmap import read_colmap
 from orthomill.tasks.orientation.results.handover import OrientedProject, handed_files
 from orthomill.tasks.orientation.start.georeference import own_system
 
@@ -185,6 +186,10 @@ def test_colmap_sees_the_ground_where_we_do_in_text_and_binary(camera):
     for number, (_, _, track) in points.items():
         assert all(images[image][3][own][2] == number for image, own in track)
     assert sum(len(track) for _, _, track in points.values()) == given.rays.used.sum()
+    # Read back, the texts say where the block is: the origin that was taken off is noted in them.
+    read = read_colmap(*(files[f"text/{name}.txt"].decode() for name in ("cameras", "images", "points3D")))
+    for name, pose in zip(given.block.names, read.poses.values(), strict=True):
+        assert pose.centre == pytest.approx(block_view(given.block, name).centre, abs=1e-6)
     assert files["stereo/fusion.cfg"] == b"a.jpg\nb_c.jpg\nd.jpg\n" and files["images/b_c.jpg"].shape == (480, 640, 3)
 
 

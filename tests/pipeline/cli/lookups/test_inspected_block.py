@@ -9,6 +9,7 @@ import rasterio
 
 from orthomill.pipeline.cli.lookups.inspected_block import inspection_workflow
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.survey_files.noted_origin import NotedOrigin, origin_note
 from orthomill.tasks.catalogue import STAGES
 
 PHOTOS = Path(__file__).parents[4] / "workflows" / "photographs" / "brighton"
@@ -50,6 +51,17 @@ def test_photographs_without_tags_take_the_system_of_the_product_and_colmap_its_
     made = inspection_workflow(root / "dsm.tif", seen, given, None, root, STAGES)
     assert made.project.crs == "EPSG:32634"
     assert next(stage for stage in made.stages if stage.kind == "orientation").exterior.placed == "project"
+
+
+def test_an_export_of_a_project_here_says_where_it_is(root):
+    """Photographs with positions would otherwise place the block by these."""
+    (root / "handed" / "text").mkdir(parents=True)
+    note = origin_note(NotedOrigin((5e5, 5.6e6, 0.0), "EPSG:32630"))
+    for name in ("cameras", "images"):
+        (root / "handed" / "text" / f"{name}.txt").write_text(note)
+    made = inspection_workflow(Path("dsm.tif"), (PHOTOS, root / "handed"), (root / "points.csv", None), None, root, STAGES)
+    exterior = next(stage for stage in made.stages if stage.kind == "orientation").exterior
+    assert (made.project.crs, exterior.placed, exterior.images_path) == ("EPSG:32630", "project", "handed/text/images.txt")
 
 
 @pytest.mark.parametrize(
