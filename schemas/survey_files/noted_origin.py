@@ -1,4 +1,4 @@
-"""The origin that is taken off the coordinates of a text for programs of single precision, as a line of comment that is read back."""
+"""The origin taken off the coordinates of a text for programs of single precision, as a line of comment that is read back."""
 
 from typing import NamedTuple
 

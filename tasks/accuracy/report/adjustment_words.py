@@ -73,8 +73,8 @@ def _too_sure(kind: KeptPromises) -> str:
     if kind.broken:
         return f"Errors were {found}. Standard errors {kind.factor:.1f} times as large would hold; none is changed."
     return (
-        f"Errors may have been {found}; where all are right, so few are found in one of {1 / (kind.chance or 1.0):.0f} such sets by "
-        "chance. None is changed."
+        f"Errors may have been {found}; where all are right, so few are found in one of {1 / (kind.chance or 1.0):.0f} such sets "
+        "by chance. None is changed."
     )
 
 

@@ -80,7 +80,7 @@ def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]
 
 
 def distance_rows(results: BlockResults, control: Control) -> list[DistanceResidual]:
-    """Distances of `control` that took part, or could have, against the block; one that nothing checks has a predicted difference of 0."""
+    """Measured distances against the block; one that nothing checks has a predicted difference of 0."""
     network, state, problem = results.result.network, results.result.state, results.problem
     residual, rows = distance_residuals(network, state), []
     measured = {(d.first, d.second): d.measured for d in control.distances}
