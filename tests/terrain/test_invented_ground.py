@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.tasks.terrain.ground.bridges import bridge
-from orthomill.tasks.terrain.ground.evened_ground import REACH, evened
+from orthomill.tasks.terrain.ground.evened_ground import REACH, ROUNDS, evened
 from orthomill.tasks.terrain.ground.hidden_ground import told_by_ground
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, GroundSamples, learned_errors
 from orthomill.tasks.terrain.ground.mean_value_fill import DIRECTIONS, HALF, GapFill, fill_gaps
@@ -73,6 +73,23 @@ def test_evened_ground_has_no_ripples_around_patches():
     grain = [np.abs(np.diff(np.diff(values, axis=0), axis=1))[ring].mean() for values in (filled, smooth)]
     assert grain[1] < 0.1 * grain[0], grain
     assert (smooth[known] == filled[known]).all() and np.abs(smooth - filled).max() < 0.3
+
+
+def plainly_diffused(z, fixed):
+    """What the kernel of `evened` does, by whole arrays."""
+    z = z.copy()
+    for _ in range(ROUNDS):
+        for along, held in ((z, fixed), (z.T, fixed.T)):
+            bend = along[2:] - 2.0 * along[1:-1] + along[:-2]
+            along[1:-1] += np.where(~held[1:-1] & np.isfinite(bend), 0.25 * bend, 0.0)
+    return z
+
+
+def test_evened_ground_is_the_twiced_diffusion_of_whole_arrays():
+    z, known = patches_in_a_gap()
+    z[:7, 180:] = np.nan
+    once = plainly_diffused(z, known)
+    np.testing.assert_array_equal(evened(z, known), (once + plainly_diffused(z - once, known)).astype(np.float32))
 
 
 def test_evening_leaves_planes_and_nearly_all_of_a_hill():

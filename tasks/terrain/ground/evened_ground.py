@@ -12,6 +12,8 @@ Source of the twicing: Tukey 1977, Exploratory Data Analysis.
 
 import numpy as np
 
+from orthomill.kernels.kernel_compilation import njit
+
 ROUNDS = 32
 """steps of diffusion, each with the weights 1, 2, 1: a Gaussian of four blocks"""
 REACH = 2 * ROUNDS
@@ -30,9 +32,29 @@ def evened(values: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 def _diffused(values: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     values = values.copy()
-    for _ in range(ROUNDS):
-        for along in (values, values.T):
-            bend = along[2:] - 2.0 * along[1:-1] + along[:-2]
-            free = ~(fixed if along is values else fixed.T)[1:-1] & np.isfinite(bend)
-            along[1:-1] += np.where(free, 0.25 * bend, 0.0)
+    _diffuse(values, ~fixed, ROUNDS)
     return values
+
+
+@njit()
+def _diffuse(values, free, rounds):
+    """Diffuses the `free` cells (rows, cols) bool of the values (rows, cols) along one axis after the other, in place."""
+    rows, cols = values.shape
+    before = np.empty(cols)
+    for _ in range(rounds):
+        before[:] = values[0]
+        for r in range(1, rows - 1):
+            for c in range(cols):
+                here = values[r, c]
+                bend = values[r + 1, c] - 2.0 * here + before[c]
+                before[c] = here
+                if free[r, c] and np.isfinite(bend):
+                    values[r, c] = here + 0.25 * bend
+        for r in range(rows):
+            last = values[r, 0]
+            for c in range(1, cols - 1):
+                here = values[r, c]
+                bend = values[r, c + 1] - 2.0 * here + last
+                last = here
+                if free[r, c] and np.isfinite(bend):
+                    values[r, c] = here + 0.25 * bend

@@ -65,10 +65,14 @@ def _open_side(found):
 
 @njit(inline="always")
 def _between(sums, top, bottom, left, right, part):
-    """Writes the sums (K,) of the cells from (top, left) to (bottom, right) into `part`; `sums` (rows + 1, cols + 1, K)."""
+    """Writes the sums (K,) of the cells from (top, left) to (bottom, right) into `part`; `sums` (rows + 1, cols + 1, K). Of no
+    known cell only the count, the first of them."""
     top, bottom = max(top, 0), min(bottom + 1, sums.shape[0] - 1)
     left, right = max(left, 0), min(right + 1, sums.shape[1] - 1)
-    for k in range(part.shape[0]):
+    part[0] = sums[bottom, right, 0] - sums[top, right, 0] - sums[bottom, left, 0] + sums[top, left, 0]
+    if part[0] == 0:
+        return
+    for k in range(1, part.shape[0]):
         part[k] = sums[bottom, right, k] - sums[top, right, k] - sums[bottom, left, k] + sums[top, left, k]
 
 
