@@ -31,7 +31,7 @@ _CLOUD = ("of", "crs", "area", "cutline")
 FORMATS = (
     ExportFormat("geotiff", "map", ".tif", "a product as a tiled GeoTIFF", "QGIS, ArcGIS, CAD, GDAL", _RASTER),
     ExportFormat("cog", "map", ".tif", "the same with overviews, for reading over a network", "QGIS, ArcGIS, GDAL", _RASTER),
-    ExportFormat("png", "picture", ".png", "a picture with world file and .prj", "CAD, office programs, QGIS", _RASTER),
+    ExportFormat("png", "picture", ".png", "a picture with world file and reference system", "CAD, office programs, QGIS", _RASTER),
     ExportFormat("jpeg", "picture", ".jpg", "the same, smaller, without transparency", "CAD, office programs, QGIS", _RASTER),
     ExportFormat("hillshade", "relief", "_hillshade.tif", "shaded relief of terrain or surface", "QGIS, ArcGIS, CAD", _RASTER),
     ExportFormat("slope", "relief", "_slope.tif", "slope of terrain or surface, degrees", "QGIS, ArcGIS, GDAL", _RASTER),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 import rasterio
@@ -75,7 +76,14 @@ def write_picture(product: Path, path: Path, wanted: Wanted, kind: str) -> None:
         path.with_name(f"{path.name}.aux.xml").unlink(missing_ok=True)
         path.with_suffix(_PICTURE_SUFFIXES[kind]).write_text(world_file(tuple(view.transform)[:6]))
         if view.crs is not None:
-            path.with_suffix(".prj").write_text(plan_of(CRS.from_user_input(view.crs)).to_wkt("WKT1_ESRI"))
+            _write_system(path, plan_of(CRS.from_user_input(view.crs)))
+
+
+def _write_system(path: Path, system: CRS) -> None:
+    """The reference system beside a picture: .prj for CAD, .aux.xml for GDAL, QGIS and ArcGIS, which read no .prj of a picture."""
+    path.with_suffix(".prj").write_text(system.to_wkt("WKT1_ESRI"))
+    told = escape(system.to_wkt("WKT1_GDAL"))
+    path.with_name(f"{path.name}.aux.xml").write_text(f"<PAMDataset>\n  <SRS>{told}</SRS>\n</PAMDataset>\n")
 
 
 def height_windows(view: WarpedProduct) -> Iterator[tuple[Window, np.ndarray, tuple[slice, slice]]]:

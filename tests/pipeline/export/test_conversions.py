@@ -75,7 +75,9 @@ def test_a_picture_has_its_place_beside_it(folder, kind, suffix):
     lines = [float(line) for line in path.with_suffix(suffix).read_text().split()]
     assert lines == [2.0, 0.0, 0.0, -2.0, WEST + 1.0, NORTH - 1.0]
     assert "PROJCS" in path.with_suffix(".prj").read_text()
-    assert sorted(p.suffix for p in path.parent.iterdir()) == sorted([path.suffix, suffix, ".prj"])
+    with rasterio.open(path) as found:
+        assert found.crs.to_epsg() == 2100 and found.transform[2] == WEST
+    assert sorted(p.suffix for p in path.parent.iterdir()) == sorted([path.suffix, suffix, ".prj", ".xml"])
 
 
 def test_slope_and_hillshade_of_a_plane_are_those_of_the_plane(folder):

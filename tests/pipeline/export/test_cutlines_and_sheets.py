@@ -113,7 +113,7 @@ def test_every_sheet_that_shows_something_is_a_file_and_stands_in_the_index(fold
 def test_sheets_of_the_clients_own_index_have_its_names(folder):
     index = cutline(folder / "index.geojson", ("A/1", [square(0, 0, 100)]), ("away", [square(5000, 0, 100)]))
     path = made(folder, "jpeg", sheets=str(index))
-    assert sorted(one.name for one in path.iterdir()) == ["A_1.jgw", "A_1.jpg", "A_1.prj", "sheets.gpkg"]
+    assert sorted(one.name for one in path.iterdir()) == ["A_1.jgw", "A_1.jpg", "A_1.jpg.aux.xml", "A_1.prj", "sheets.gpkg"]
 
 
 def test_sheets_have_the_names_of_their_mapping_office():
