@@ -32,7 +32,8 @@ def _pairs(layers: tuple[Layer, ...]) -> Iterator[tuple[int, str]]:
     places = np.concatenate([f.places for f in features]) if features else np.zeros((1, 3))
     low, high = places.min(axis=0), places.max(axis=0)
     yield from _header(low, high)
-    yield from _tables({(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max()))
+    texts = {(_text_layer(f), False) for f in features if f.text}
+    yield from _tables(texts | {(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max()))
     size = max(_TEXT_HEIGHT * float((high[:2] - low[:2]).max()), 0.01)
     yield from ((0, "SECTION"), (2, "ENTITIES"))
     for layer in layers:
@@ -85,9 +86,13 @@ def _text(feature: Feature, size: float) -> Iterator[tuple[int, str]]:
     at = len(feature.places) // 2
     along = feature.places[min(at + 1, len(feature.places) - 1)] - feature.places[max(at - 1, 0)]
     angle = (np.degrees(np.arctan2(along[1], along[0])) + 90) % 180 - 90 if len(feature.places) > 1 else 0.0
-    yield from ((0, "TEXT"), (8, f"{feature.layer}_TEXT"))
+    yield from ((0, "TEXT"), (8, _text_layer(feature)))
     yield from _place(feature.places[at])
     yield from ((40, f"{size:.3f}"), (1, feature.text), (50, f"{angle:.2f}"))
+
+
+def _text_layer(feature: Feature) -> str:
+    return f"{feature.layer}_TEXT"
 
 
 def _place(place: np.ndarray) -> Iterator[tuple[int, str]]:

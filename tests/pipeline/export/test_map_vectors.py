@@ -88,6 +88,7 @@ def test_a_drawing_is_read_by_another_program_with_layers_line_types_and_heights
     ring, line = drawing.modelspace().query("POLYLINE")
     assert ring.is_closed and len(ring.vertices) == 3 and not line.is_closed and ring.is_3d_polyline
     assert line.vertices[1].dxf.location.isclose((407011, 4357005, 12.5))
+    assert {one.dxf.layer for one in drawing.modelspace()} <= {one.dxf.name for one in drawing.layers}
     assert drawing.layers.get("CONTOUR_DASHED").dxf.linetype == "DASHED"
     assert drawing.layers.get("CONTOUR_INDEX").dxf.linetype.upper() == "CONTINUOUS"
     (text,) = drawing.modelspace().query("TEXT")
