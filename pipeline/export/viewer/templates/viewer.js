@@ -208,10 +208,16 @@
 
   // Profile: two clicks, the heights between them with their standard errors.
   let ends = null, drawn = null;
-  $("profile").onclick = () => { ends = ends ? null : []; if (drawn) drawn.remove(); drawn = null; state(); };
+  $("profile").onclick = () => {
+    ends = ends ? null : []; if (drawn) drawn.remove(); drawn = null;
+    // The answer before it and, on a telephone, the menu lie over the map that is to be clicked.
+    $("close").onclick(); $("panel").classList.remove("open");
+    state();
+  };
   function state() {
     $("profile").classList.toggle("on", !!ends);
     $("hint").textContent = ends ? (ends.length ? "Click on its end." : "Click on the beginning of the line.") : "Click on the map for the heights of a place.";
+    if (ends) answer(text("div", $("hint").textContent));
     map.getContainer().style.cursor = ends ? "crosshair" : "";
   }
   map.on("click", (e) => {
