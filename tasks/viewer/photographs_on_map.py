@@ -1,5 +1,7 @@
 """What the map tells of the photographs: where each was taken, when, and what it shows of the ground."""
 
+import colorsys
+
 import numpy as np
 
 from orthomill.schemas.maps.map_page import MapCamera
@@ -9,11 +11,24 @@ from orthomill.tasks.geometry.view import View, block_view
 
 SIDE = 6
 """places along each side of a photograph from which its outline on the ground is drawn: lenses bend it"""
+_TURN = (np.sqrt(5.0) - 1.0) / 2.0
+"""of the circle of hues from one photograph to the next: by the golden section no two of a strip look alike"""
 
 
 def map_cameras(block: Block, photos: Photos) -> tuple[MapCamera, ...]:
     """The photographs of a block on the ground at its mean height."""
     return tuple(_camera(block_view(block, name), photos, block.ground_mean) for name in block.names)
+
+
+def photograph_classes(block: Block, photos: Photos) -> tuple[tuple[int, str, str], ...]:
+    """Number in `ORTHO_SOURCE`, colour "#rrggbb", and name with the time of every photograph."""
+    nothing = (0, "#ffffff", "no photograph")
+    names = block.names
+    return nothing, *((k, _hue(k), f"{name}, {photos[name].time or 'time unknown'}") for k, name in enumerate(names, 1))
+
+
+def _hue(number: int) -> str:
+    return "#" + "".join(f"{round(255 * value):02x}" for value in colorsys.hsv_to_rgb(number * _TURN % 1.0, 0.55, 0.85))
 
 
 def _camera(view: View, photos: Photos, ground: float) -> MapCamera:

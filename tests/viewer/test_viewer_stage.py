@@ -9,9 +9,11 @@ from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.bare_ground import TERRAIN
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.maps.map_page import MAP_PAGE
-from orthomill.schemas.photo import Photo, Photos
+from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.stage_report import Picture, Product, StageReport
-from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, SURFACE
+from orthomill.schemas.surface import CORRECTED, HEIGHT, ORTHO, ORTHO_SOURCE, SURFACE
+from orthomill.tasks.viewer.photographs_on_map import photograph_classes
 from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
 from orthomill.tasks.viewer.stage import ViewerStage
@@ -20,6 +22,12 @@ from orthomill.tasks.viewer.stage import ViewerStage
 def report(*rasters: str, path: str = "") -> StageReport:
     pictures = tuple(Picture(title=name, raster=name, style="ramp") for name in rasters)
     return StageReport(pictures=pictures, products=(Product(path=path, purpose=""),) if path else ())
+
+
+def taken() -> Photos:
+    """Photographs of the block."""
+    facts = {"width": 420, "height": 420, "bands": 3, "dtype": "uint8", "camera": "test"}
+    return Photos(photos=tuple(Photo(name=name, path=name, time="2026-05-01T10:00:00", **facts) for name in CENTRES))
 
 
 class View:
@@ -38,7 +46,7 @@ class View:
     def table(self, table):
         if table == SURFACE:
             return SimpleNamespace(grid=SimpleNamespace(shape=(6000, 3000)))
-        return self.reports[table.path.split("/")[0]]
+        return {BLOCK: block(), PHOTOS: taken()}.get(table) or self.reports[table.path.split("/")[0]]
 
 
 def planned(view: View) -> tuple[list[Job], list[Export]]:
@@ -54,11 +62,19 @@ def test_layers_are_the_maps_that_stages_report_the_orthoimage_first():
     )
     jobs, exports = planned(view)
     assert all(misfit(job) is None for job in jobs)
-    assert [picture.raster for picture in jobs[0].params["pictures"]] == [ORTHO, HEIGHT, TERRAIN]
+    assert [picture.raster for picture in jobs[0].params["pictures"]] == [ORTHO, HEIGHT, TERRAIN, ORTHO_SOURCE]
     assert {name for export in exports for name in export.rasters.values()} >= {ORTHO, HEIGHT, TERRAIN}
     assert [export.path for export in exports if MAP_PAGE in export.tables][-1] == exports[-1].path == "products/index.html"
     (lines,) = (export for export in exports if export.format == "map lines")
     assert [table.path for table in lines.tables] == [f"terrain/contours/sheet_{row}-0.parquet" for row in (0, 1)]
+
+
+def test_every_photograph_has_a_colour_its_name_and_its_time():
+    nothing, *classes = photograph_classes(block(), taken())
+    assert nothing == (0, "#ffffff", "no photograph") and len({colour for _, colour, _ in classes}) == len(classes)
+    assert [(code, meaning) for code, _, meaning in classes] == [
+        (k, f"{name}, 2026-05-01T10:00:00") for k, name in enumerate(block().names, 1)
+    ]
 
 
 def test_heights_of_a_place_are_those_after_the_check():
@@ -72,9 +88,7 @@ def test_a_project_without_maps_has_no_page():
 
 
 def test_photographs_stand_where_they_were_taken_over_what_they_show():
-    facts = {"width": 420, "height": 420, "bands": 3, "dtype": "uint8", "camera": "test"}
-    photos = Photos(photos=tuple(Photo(name=name, path=name, time="2026-05-01T10:00:00", **facts) for name in CENTRES))
-    page = map_page(block(), photos, "site", (Picture(title="a", raster="a", style="rgb"),), ())
+    page = map_page(block(), taken(), "site", (Picture(title="a", raster="a", style="rgb"),), ())
     camera = page.cameras[0]
     assert camera.name == block().names[0] and camera.taken == "2026-05-01T10:00:00"
     assert np.ptp(np.array(camera.outline), axis=0).min() > 10

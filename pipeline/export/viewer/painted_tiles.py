@@ -123,7 +123,8 @@ def _stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.ndarray]:
-    table = np.zeros((256, 4), np.uint8)
+    # One more than the highest code: what is beyond it is unknown, too.
+    table = np.zeros((max(256, 2 + max(code for code, _, _ in picture.classes)), 4), np.uint8)
     table[:, :3], table[:, 3] = palette((UNKNOWN_CODE,), 1)[0], 255
     for known, colour, _ in picture.classes:
         table[known, :3] = palette((colour,), 1)[0]
@@ -132,8 +133,8 @@ def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.nd
     for code in (empty, None if spec.nodata is None or spec.nodata != spec.nodata else int(spec.nodata)):
         if code is not None:
             table[code] = 0
-    narrow = spec.dtype == "uint8"
-    return lambda values: table[_plane(values) if narrow else np.clip(_plane(values), 0, 255).astype(np.uint8)]
+    narrow, last = spec.dtype == "uint8", len(table) - 1
+    return lambda values: table[_plane(values) if narrow else np.clip(_plane(values), 0, last).astype(np.uint16)]
 
 
 def _ramp(values: np.ndarray, low: float, high: float, table: np.ndarray) -> np.ndarray:

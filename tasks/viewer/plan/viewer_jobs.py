@@ -26,12 +26,14 @@ from orthomill.schemas.surface import (
     HEIGHT_SOURCE,
     MEASURED,
     ORTHO,
+    ORTHO_SOURCE,
     PRECISION,
     PROVENANCE,
     PROVENANCE_CODES,
     RELATIVE_PRECISION,
     SURFACE,
 )
+from orthomill.tasks.viewer.photographs_on_map import photograph_classes
 from orthomill.tasks.viewer.plan.map_part_jobs import map_parts
 from orthomill.tasks.viewer.report.page_of_map import map_page
 from orthomill.tasks.viewer.report.viewer_report import viewer_report
@@ -60,6 +62,8 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
     """The page of a project that has a surface or an orthoimage; none otherwise."""
     reports = tuple(view.table(report_table(kind)) for kind in _STAGES if view.has_stage(kind))
     pictures = _chosen_pictures(reports, _LAYERS)
+    if any(picture.raster == ORTHO for picture in pictures):
+        pictures += (_sources(view),)
     if not pictures:
         return
     values, cloud = tuple(_values(view)), _cloud(view)
@@ -94,6 +98,16 @@ def _chosen_pictures(reports: tuple[StageReport, ...], wanted: tuple[str, ...]) 
         for picture in report.pictures:
             found.setdefault(picture.raster, picture)
     return tuple(found[name] for name in wanted if name in found)
+
+
+def _sources(view: ProjectView) -> Picture:
+    return Picture(
+        title="Photograph and time of the colours",
+        raster=ORTHO_SOURCE,
+        style="classes",
+        classes=photograph_classes(view.table(BLOCK), view.table(PHOTOS)),
+        caption="Of the photographs that are blended the one of the greatest weight; products/ortho_source.tif.",
+    )
 
 
 def _values(view: ProjectView) -> Iterator[ValueLayer]:

@@ -22,7 +22,7 @@ from orthomill.schemas.bare_ground import ContourLines
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps import map_parts as map_parts_schema
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, MapCamera, MapPage, ValueLayer
-from orthomill.schemas.maps.map_parts import CLOUD_FILE, PAGE, MapLayer
+from orthomill.schemas.maps.map_parts import CLOUD_FILE, PAGE, MapLayer, Shades
 from orthomill.schemas.raster import MapGrid, Window, map_raster
 from orthomill.schemas.stage_report import Picture
 from orthomill.tasks.viewer.plan import map_part_jobs
@@ -167,6 +167,16 @@ def test_relief_has_no_seams_at_tiles():
     one = source.tile(store(), source.spec.full)
     parts = [source.tile(store(), type(source.spec.full)(0, col, ROWS, 105)) for col in range(0, COLS, 105)]
     assert np.array_equal(one, np.concatenate(parts, axis=1)) and one[..., :3].std() > 5
+
+
+def test_codes_above_a_byte_have_their_colours():
+    spec = map_raster("a", MapGrid(west=0.0, north=0.0, cell=1.0, rows=1, cols=4), "uint16", "EPSG:2100", 512)
+    classes = ((0, "#ffffff", "no photograph"), (1, "#ff0000", "first"), (300, "#0000ff", "last"))
+    picture = Picture(title="a", raster="a", style="classes", classes=classes)
+    nothing, first, last, unknown = (
+        painted(SimpleNamespace(spec=lambda _: spec), picture, Shades()).paint(np.array([[0, 1, 300, 301]], np.uint16))[0].tolist()
+    )
+    assert nothing[3] == 0 and first == [255, 0, 0, 255] and last == [0, 0, 255, 255] and unknown not in (nothing, first, last)
 
 
 def test_values_are_packed_in_millimetres():

@@ -188,8 +188,10 @@
       const meaning = (layer.codes.find(([code]) => code === t.code) || ["", "", ""])[2];
       row(layer.title, t.height.toFixed(2) + " m" + (t.sigma === null ? "" : " \u00b1 " + t.sigma.toFixed(2)), meaning);
     }
-    const seen = OM.cameras.filter((c) => within(x, y, c.outline)).map((c) => c.name);
-    row("Shown by", seen.length + " photographs", seen.slice(0, 12).join(", ") + (seen.length > 12 ? " \u2026" : ""));
+    const seen = OM.cameras.filter((c) => within(x, y, c.outline));
+    row("Shown by", seen.length + " photographs", seen.slice(0, 12).map((c) => c.name).join(", ") + (seen.length > 12 ? " \u2026" : ""));
+    const days = [...new Set(seen.map((c) => c.taken.slice(0, 10)).filter(Boolean))].sort();
+    if (days.length) row("Taken", days[0] + (days.length > 1 ? " to " + days[days.length - 1] : ""), "");
     const shots = text("div", ""); shots.id = "shots";
     answer(table, shots);
     photographs(x, y, shots);
@@ -197,7 +199,9 @@
   // The photographs themselves are only with `orthomill view`: a page on the disk reads no files beside it.
   async function photographs(x, y, shots) {
     if (location.protocol === "file:") return shots.append(text("small", "orthomill view " + OM.project + " shows the photographs here."));
+    const wait = text("small", "Looking for the place in the photographs \u2026"); shots.append(wait);
     const found = await fetch(`place.json?x=${x}&y=${y}`).then((r) => (r.ok ? r.json() : [])).catch(() => []);
+    wait.remove();
     for (const one of found) {
       const figure = text("figure", "", one.free ? "" : "hidden"), image = new Image();
       image.src = `crop.jpg?photo=${encodeURIComponent(one.photo)}&col=${one.col}&row=${one.row}&scale=2&size=118`;
