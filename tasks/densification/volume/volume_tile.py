@@ -42,8 +42,8 @@ from orthomill.tasks.visibility.height_model import HeightModel, Targets, visibl
 HIDING = 4.0
 """Heights of a level by which something must stand above the ray to a photograph to hide the cell from it."""
 
-MOST_MEMORY = 1200 * MIB
-"""of a tile with its photographs, so that a worker of two gigabytes solves it"""
+MOST_MEMORY = 800 * MIB
+"""of a tile with its photographs, so that one worker of the usual memory solves it beside what its process takes"""
 
 _OUTSIDE = -1e6
 """px; places behind a camera are outside its frame by this, a number that can be interpolated"""
@@ -79,25 +79,36 @@ def volume_tiles(level: VolumeLevel, scene: VolumeScene) -> tuple[VolumeTile, ..
 
 def _tile(level: VolumeLevel, tile: Tile, scene: VolumeScene) -> VolumeTile:
     work = tile.window.grown(HALO).clipped(level.grid.shape)
-    parts = [_part(view, level, work, scene) for view in _chosen(level, work, scene)]
-    used = [part for part in parts if not part.window.empty]
+    chosen = [(_part(view, level, work, scene), needed) for view, needed in _chosen(level, work, scene)]
     coarsest = level.number == scene.levels[0].number
     coarser = None if coarsest else coarser_window(work, scene.settings.reach, level_grid(level.grid, 1).shape)
     terrain = places_around(work, 2**level.number, terrain_grid(scene.surface.grid).shape)
     found = VolumeTile(
         level=level, row=tile.row, col=tile.col, window=tile.window, work=work, photos=(), coarser=coarser, places=terrain
     )
-    # Photographs that look along the ground show a deep tile in very many pixels: those that are needed least stay out of it.
-    while len(used) > 2 and _working_memory(replace(found, photos=tuple(used)), scene) > MOST_MEMORY:
-        used.pop()
+    used = _fitting(found, {part: needed for part, needed in chosen if not part.window.empty}, scene)
     return (
         found if len(used) < 2 else replace(found, photos=tuple(sorted(used, key=lambda part: scene.block.names.index(part.name))))
     )
 
 
-def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
-    """The photographs that are preferred at any place of a tile, at the lowest or the highest ground of the block, most places
-    first."""
+def _fitting(tile: VolumeTile, needed: dict[PhotoPart, int], scene: VolumeScene) -> list[PhotoPart]:
+    """The photographs that a worker holds together, of those that a tile needs at so many places.
+
+    Photographs that look along the ground show a deep tile in very many pixels: the first that stay out of it are those with the
+    fewest places for their pixels.
+    """
+    used = list(needed)
+    pixels = {part: _rectified_pixels(tile, part, scene) for part in used}
+    used.sort(key=lambda part: (-needed[part] / max(pixels[part], 1), scene.block.names.index(part.name)))
+    while len(used) > 2 and _working_memory(replace(tile, photos=tuple(used)), [pixels[part] for part in used], scene) > MOST_MEMORY:
+        used.pop()
+    return used
+
+
+def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[tuple[View, int]]:
+    """The photographs that are preferred at any place of a tile, at the lowest or the highest ground of the block, and at how many
+    places."""
     x, y = places(level.grid, work)
     views = [
         view for view, bounds in zip(scene.views, scene.bounds, strict=True) if _overlap(bounds, x, y, level.grid.cell * PLACE)
@@ -108,7 +119,7 @@ def _chosen(level: VolumeLevel, work: Window, scene: VolumeScene) -> list[View]:
     points = np.stack(np.meshgrid(x, y, heights), axis=-1).reshape(-1, 3)
     numbers = preferred(sight(views, points, 0.75 * PLACE * level.grid.cell), scene.settings.photographs)
     needed = np.bincount(numbers[numbers >= 0], minlength=len(views))
-    return [views[i] for i in np.argsort(-needed, kind="stable") if needed[i]]
+    return [(view, int(count)) for view, count in zip(views, needed, strict=True) if count]
 
 
 def _overlap(bounds: tuple[float, float, float, float], x: np.ndarray, y: np.ndarray, spare: float) -> bool:
@@ -296,19 +307,24 @@ def _nothing(shape: tuple[int, int]) -> SolvedVolume:
     return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Band)), np.uint8))
 
 
-def _working_memory(tile: VolumeTile, scene: VolumeScene) -> int:
-    """Bytes of `solve_volume` and of the pixels that it is given."""
-    return tile_scratch(tile, scene) + sum(array_bytes(3, part.window) for part in tile.photos)
-
-
 def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
     """Working memory of `solve_volume`, bytes."""
+    return _scratch(tile, [_rectified_pixels(tile, part, scene) for part in tile.photos], scene)
+
+
+def _working_memory(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:
+    """Bytes of `solve_volume` and of the pixels that it is given; `pixels`: those of the rectified photographs."""
+    return _scratch(tile, pixels, scene) + sum(array_bytes(3, part.window) for part in tile.photos)
+
+
+def _scratch(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:
     settings, cells = scene.settings, tile.work.cells
     candidates = cells * (settings.mean_heights if tile.coarser else tile.level.count)
-    views = [block_view(scene.block, part.name) for part in tile.photos]
-    heights = tile.level.heights
-    pixels = [rectified_pixels(view, _cell_frame(tile), heights, settings.oversampling) for view in views]
     # Photographs are converted and rectified one after the other: grey values and their products, image, border and signatures.
     greatest = max((part.window.cells for part in tile.photos), default=0)
     one = array_bytes(12, greatest) + array_bytes(24, max(pixels, default=0))
     return scratch_bytes(candidates, cells, sum(pixels), settings) + one
+
+
+def _rectified_pixels(tile: VolumeTile, part: PhotoPart, scene: VolumeScene) -> int:
+    return rectified_pixels(block_view(scene.block, part.name), _cell_frame(tile), tile.level.heights, scene.settings.oversampling)

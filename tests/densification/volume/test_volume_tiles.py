@@ -8,7 +8,10 @@ import pytest
 from memory_runner import MemoryProject
 from textured_box import LEVELS, SURFACE, photos, pyramid, scene_block, truth
 
+from orthomill.pipeline.engine.graph import PROCESS_BYTES
+from orthomill.pipeline.engine.running import Options as RunOptions
 from orthomill.schemas.job import Job, Raster
+from orthomill.schemas.memory import MIB
 from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
@@ -162,11 +165,29 @@ def test_memory_follows_candidates_and_photographs():
     assert tile_scratch(volume_tiles(wide.levels[-1], wide)[0], wide) > tile_scratch(other, many)
 
 
+def memory_of(tile: VolumeTile, of: VolumeScene) -> int:
+    """Working memory and pixels of a tile, bytes."""
+    return tile_scratch(tile, of) + sum(3 * part.window.cells for part in tile.photos)
+
+
+def test_photographs_with_few_places_for_their_pixels_stay_out_first(monkeypatch):
+    many = scene("abcd")
+    tile = volume_tiles(many.levels[-1], many)[0]
+    monkeypatch.setattr(volume_tile, "MOST_MEMORY", memory_of(tile, many) - 1)
+    needed = dict(zip(tile.photos, (9, 9, 1, 9), strict=True))
+    assert tile.photos[2] not in volume_tile._fitting(tile, needed, many)
+
+
+def test_the_largest_tile_fits_one_worker_of_the_usual_memory():
+    """A run with one worker was refused although two lent each other what was missing."""
+    assert PROCESS_BYTES + volume_tile.MOST_MEMORY + 64 * MIB <= RunOptions().memory
+
+
 def test_a_tile_that_would_not_fit_a_worker_leaves_out_the_photographs_it_needs_least(monkeypatch):
     """A deep tile and photographs along the ground asked for more than a worker has, and the run was refused."""
     many = scene("abcd")
     whole = volume_tiles(many.levels[-1], many)[0]
-    monkeypatch.setattr(volume_tile, "MOST_MEMORY", volume_tile._working_memory(whole, many) - 1)
+    monkeypatch.setattr(volume_tile, "MOST_MEMORY", memory_of(whole, many) - 1)
     fewer = volume_tiles(many.levels[-1], many)[0]
     assert len(fewer.photos) == len(whole.photos) - 1 and tile_scratch(fewer, many) < tile_scratch(whole, many)
     assert [part for part in whole.photos if part in fewer.photos] == list(fewer.photos), "in the order of the block"
