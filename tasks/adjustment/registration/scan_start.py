@@ -24,11 +24,18 @@ def rigid_motion(own: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Source: Arun, Huang and Blostein 1987; Umeyama 1991 for the sign.
     """
-    middle, centre = own.mean(axis=0), wanted.mean(axis=0)
-    U, _, Vt = np.linalg.svd((wanted - centre).T @ (own - middle))
+    rotation, translation = rigid_motions(own[None], wanted[None])
+    return rotation[0], translation[0]
+
+
+def rigid_motions(own: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (K, 3, 3) and translations (K, 3) of K sets of points (K, N, 3), see `rigid_motion`."""
+    middle, centre = own.mean(axis=1), wanted.mean(axis=1)
+    U, _, Vt = np.linalg.svd((wanted - centre[:, None]).swapaxes(1, 2) @ (own - middle[:, None]))
     # Points in a plane fit a reflection as well as a rotation: the weakest axis takes the sign that makes the determinant +1.
-    R = U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    return R, centre - R @ middle
+    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    R = U @ Vt
+    return R, centre - (R @ middle[:, :, None])[:, :, 0]
 
 
 def start_state(network: ScanNetwork, points: ScannedPoints, names: tuple[str, ...]) -> ScanState:
@@ -77,17 +84,14 @@ def robust_motion(own: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.n
         return None
     triples = np.array(list(combinations(range(len(own)), 3))) if len(own) <= 14 else _drawn(len(own))
     triples = triples[_height(own[triples]) > FLATTEST]
-    best, least = None, np.inf
-    for triple in triples[:MOST_TRIPLES]:
-        R, t = rigid_motion(own[triple], wanted[triple])
-        away = np.linalg.norm(own @ R.T + t - wanted, axis=1)
-        # The middle distance of all, which the three themselves do not decide.
-        size = float(np.sort(away)[min(len(own) // 2 + 1, len(own) - 1)])
-        if size < least:
-            best, least = away, size
-    if best is None:
+    if not len(triples):
         return None
-    good = best <= 3.0 * least + 1e-9
+    rotation, translation = rigid_motions(own[triples[:MOST_TRIPLES]], wanted[triples[:MOST_TRIPLES]])
+    away = np.linalg.norm(own @ rotation.swapaxes(1, 2) + translation[:, None] - wanted, axis=2)
+    # The middle distance of all, which the three themselves do not decide.
+    size = np.sort(away, axis=1)[:, min(len(own) // 2 + 1, len(own) - 1)]
+    best = int(size.argmin())
+    good = away[best] <= 3.0 * size[best] + 1e-9
     return rigid_motion(own[good], wanted[good])
 
 

@@ -101,7 +101,7 @@ def _fitting(tile: VolumeTile, needed: dict[PhotoPart, int], scene: VolumeScene)
     used = list(needed)
     pixels = {part: _rectified_pixels(tile, part, scene) for part in used}
     used.sort(key=lambda part: (-needed[part] / max(pixels[part], 1), scene.block.names.index(part.name)))
-    while len(used) > 2 and _working_memory(replace(tile, photos=tuple(used)), [pixels[part] for part in used], scene) > MOST_MEMORY:
+    while len(used) > 2 and _tile_memory(replace(tile, photos=tuple(used)), [pixels[part] for part in used], scene) > MOST_MEMORY:
         used.pop()
     return used
 
@@ -312,7 +312,7 @@ def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
     return _scratch(tile, [_rectified_pixels(tile, part, scene) for part in tile.photos], scene)
 
 
-def _working_memory(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:
+def _tile_memory(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:
     """Bytes of `solve_volume` and of the pixels that it is given; `pixels`: those of the rectified photographs."""
     return _scratch(tile, pixels, scene) + sum(array_bytes(3, part.window) for part in tile.photos)
 
