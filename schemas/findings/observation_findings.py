@@ -34,13 +34,15 @@ class ControlUnmet(SpokenFinding):
 
 
 class MarksInAnotherFrame(SpokenFinding):
-    """The marks of control points are counted in another way than from the upper left corner of the photographs."""
+    """The marks of control points are counted in another way than in the photographs, and were read so."""
 
     code: Literal["marks_in_another_frame"] = "marks_in_another_frame"
     counted: str
-    """how, in words"""
+    """how, in words; empty where only their size is another"""
     change: str
-    """what makes them marks of the photographs, in words"""
+    """what makes them marks of the photographs once they have their size, in words; or empty"""
+    factor: float = 1.0
+    """by which pixels of the list become those of the photographs"""
     given_px: float
     """standard error of a mark by how the rays of points miss each other, as the marks were read"""
     found_px: float
@@ -50,10 +52,22 @@ class MarksInAnotherFrame(SpokenFinding):
     @property
     def sentence(self) -> str:
         return (
-            f"The marks of the {self.points} control points are counted {self.counted}: so the rays of a point meet to "
-            f"{self.found_px:.2g} px, and as they were read to {self.given_px:.0f} px. In the list of the marks {self.change}, "
-            "and run again; until then control proves nothing about this block."
+            f"The marks of the {self.points} control points are counted {self._how()}: so the rays of a point meet to "
+            f"{self.found_px:.2g} px, and as they were read at first to {self.given_px:.0f} px. They took part as counted so; "
+            f"compare one with its photograph, and in the list of the marks {self._correction()}."
         )
+
+    def _how(self) -> str:
+        size = f"in copies reduced by {self.factor:.4g}" if self.factor > 1 else f"in pictures {1 / self.factor:.4g} times as large"
+        return ", ".join(word for word in (self.counted, size if self._resized else "") if word)
+
+    def _correction(self) -> str:
+        size = f"multiply columns and rows by {self.factor:.4g}" if self._resized else ""
+        return ", then ".join(word for word in (size, self.change) if word)
+
+    @property
+    def _resized(self) -> bool:
+        return self.factor != 1.0
 
 
 class ControlContradicted(SpokenFinding):

@@ -283,7 +283,7 @@ def _again(first: _Oriented, own: OwnConstant, have: _Input) -> _Oriented | None
 
 def _oriented(have: _Input, blocks: Blocks, origin: np.ndarray | None) -> _Oriented:
     starts, unoriented = blocks
-    have, counted = _without_miscounted(have, starts[0])
+    have, counted = _recounted(have, starts[0])
     parts = [_part(have, start, origin if i == 0 else None) for i, start in enumerate(starts)]
     parts = [parts[0], *(_without_doubtful_place(part, parts[0]) for part in parts[1:])]
     # Free groups cannot share a system with others; without any datum the largest one is the block.
@@ -302,17 +302,10 @@ def _without_doubtful_place(part: Part, block: Part) -> Part:
     return replace(part, datum=free_of_its_place(part.model, part.known))
 
 
-def _without_miscounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[BlockFinding, ...]]:
-    """The input without marks that are counted otherwise than in the photographs, and how they are."""
-    found = counted_otherwise(have.photos, have.cameras, have.material, start, have.control, turned=bool(have.tops))
-    if found is None:
-        return have, ()
-    # Their coordinates stay, so that the report lists the points; without marks they take no part.
-    points = tuple(point.model_copy(update={"measurements": {}}) for point in have.control.points)
-    control = have.control.model_copy(update={"points": points, "distances": ()})
-    # Without control the constants of cameras known from tags cannot be told from the flying height.
-    interior = interior_prior(have.material.cameras, have.choices.interior, True)
-    return replace(have, control=control, material=replace(have.material, interior=interior)), (found,)
+def _recounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[BlockFinding, ...]]:
+    """The input with marks as they are counted in the photographs, and how they were counted."""
+    found = counted_otherwise(have.photos, have.cameras, have.material, start, have.control)
+    return (have, ()) if found is None else (replace(have, control=found[0]), (found[1],))
 
 
 def _part(have: _Input, start: BlockStart, origin: np.ndarray | None) -> Part:

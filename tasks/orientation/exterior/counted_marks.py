@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from orthomill.schemas.camera import Cameras
+from orthomill.schemas.findings.control_findings import MeasurementsOfOriginals, MeasurementsReduced
 from orthomill.schemas.findings.observation_findings import MarksInAnotherFrame
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.orientation.block.assembly import mark_scatter, model_of
 from orthomill.tasks.orientation.control.ground_points import approximate_points
-from orthomill.tasks.orientation.control.mark_frames import REDUCED, TURNED, explaining_frame
+from orthomill.tasks.orientation.control.mark_frames import FoundFrame, explaining_frame, recounted
 from orthomill.tasks.orientation.measurements import ground_rays
 from orthomill.tasks.orientation.start.block_growth import GrowthMaterial
 from orthomill.tasks.orientation.start.block_start import BlockStart
@@ -20,10 +21,10 @@ LEAST_MISS = 5.0
 
 
 def counted_otherwise(
-    photos: Photos, cameras: Cameras, material: GrowthMaterial, start: BlockStart, control: Control, turned: bool
-) -> MarksInAnotherFrame | None:
-    """The way of counting in which the rays of control points meet on the model of a start; None where they meet as they were read,
-    or in no way. `turned`: EXIF turned photographs against their sensors, in whose frames no list was made."""
+    photos: Photos, cameras: Cameras, material: GrowthMaterial, start: BlockStart, control: Control
+) -> tuple[Control, MarksInAnotherFrame] | None:
+    """The control with its marks counted so that their rays meet on the model of a start, and how they are counted; None where they
+    meet as they were read, or in no way."""
     number = {material.names[i]: k for k, i in enumerate(start.photos)}
     model, camera_of = model_of(start), material.camera_of[start.photos]
     constant = float(np.median([material.cameras[k].c for k in camera_of]))
@@ -35,11 +36,32 @@ def counted_otherwise(
     points = _marked_in(control, number)
     if scatter(points) < LEAST_MISS:
         return None
-    found = explaining_frame(points, photos, REDUCED if turned else (*TURNED, *REDUCED), scatter)
+    found = explaining_frame(points, photos, scatter)
     if found is None:
         return None
-    frame, given, size = found
-    return MarksInAnotherFrame(counted=frame.counted, change=frame.change, given_px=given, found_px=size, points=len(points))
+    return control.model_copy(update={"points": recounted(control.points, photos, found)}), _finding(found, control, len(points))
+
+
+def _finding(found: FoundFrame, control: Control, points: int) -> MarksInAnotherFrame:
+    factor = found.factor * _read_by(control)
+    return MarksInAnotherFrame(
+        counted=found.frame.counted,
+        change=found.frame.change,
+        factor=factor,
+        given_px=found.given,
+        found_px=found.found,
+        points=points,
+    )
+
+
+def _read_by(control: Control) -> float:
+    """By which pixels of the list were multiplied when it was read."""
+    for finding in control.findings:
+        if isinstance(finding, MeasurementsReduced):
+            return 1.0 / finding.factor
+        if isinstance(finding, MeasurementsOfOriginals):
+            return finding.reduced[0] / finding.original[0]
+    return 1.0
 
 
 def _marked_in(control: Control, photographs: Mapping[str, int]) -> list[ControlPoint]:
