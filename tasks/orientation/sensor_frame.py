@@ -6,7 +6,7 @@ photographs of a camera share one interior orientation, and its tables are rotat
 exact in values and covariances. Blocks without such photographs pass unchanged.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -22,12 +22,16 @@ from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
 
+_Turn = Callable[[Photo, np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """The input of a block in the frames of the sensors; `given`: approximate orientations, `tops`: directions (3,) in the image
-    system to the tops of the photographs that are rotated against their sensors."""
+    """The input of a block in the frames of the sensors; `upright`: the frames of its photographs, `given`: approximate
+    orientations, `tops`: directions (3,) in the image system to the tops of the photographs that are rotated against their
+    sensors."""
 
+    upright: "Upright"
     photos: Photos
     cameras: Cameras
     tie_points: TiePoints
@@ -57,8 +61,9 @@ class Upright:
     def sensors(self, ties: TiePoints, control: Control, given: Mapping[str, ForeignPose] | None) -> Sensors:
         """Everything in the frames of the sensors; unchanged where no photograph was rotated."""
         if not self.anything:
-            return Sensors(self.photos, self.cameras, ties, control, given, {})
+            return Sensors(self, self.photos, self.cameras, ties, control, given, {})
         return Sensors(
+            self,
             self.sensor_photos(),
             self.sensor_cameras(),
             self.sensor_ties(ties),
@@ -111,21 +116,28 @@ class Upright:
 
     def sensor_control(self, control: Control) -> Control:
         """Surveyed points with measurements in pixels of the sensors' frames."""
-        return control.model_copy(update={"points": tuple(self._sensor_point(point) for point in control.points)})
+        return control.model_copy(update={"points": tuple(self.sensor_point(point) for point in control.points)})
 
-    def _sensor_point(self, point: ControlPoint) -> ControlPoint:
+    def sensor_point(self, point: ControlPoint) -> ControlPoint:
+        """A surveyed point with measurements in pixels of the sensors' frames."""
+        return _with_marks(point, dict.fromkeys(self._rotated(point), self._to_sensor), self.photos)
+
+    def upright_point(self, point: ControlPoint) -> ControlPoint:
+        """A surveyed point of the sensors' frames with measurements in pixels of the upright photographs."""
+        return _with_marks(point, dict.fromkeys(self._rotated(point), self._to_upright), self.photos)
+
+    def _rotated(self, point: ControlPoint) -> list[str]:
         known = set(self.photos.names)
-        measured = {
-            name: (*map(float, self._to_sensor(self.photos[name], np.array([value[:2]]))[0]), value[2])
-            if name in known and self.flag(name) != 1
-            else value
-            for name, value in point.measurements.items()
-        }
-        return point.model_copy(update={"measurements": measured})
+        return [name for name in point.measurements if name in known and self.flag(name) != 1]
 
     def _to_sensor(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of the upright photograph to those of its sensor's frame."""
         return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
+
+    def _to_upright(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
+        flag = self.flag(photo.name)
+        size = (photo.height, photo.width) if flag >= 5 else (photo.width, photo.height)
+        return _turned_pixels(pixels, flag, size)
 
     def _sensor_poses(self, given: Mapping[str, ForeignPose] | None) -> Mapping[str, ForeignPose] | None:
         """Approximate orientations of the sensors' frames."""
@@ -224,6 +236,17 @@ def _pixel_turn(flag: int) -> np.ndarray:
     """(2, 2): the same rotation for (col, row), whose second axis points down."""
     down = np.diag([1.0, -1.0])
     return down @ np.array(TURN[flag], float) @ down
+
+
+def _with_marks(
+    point: ControlPoint, turns: Mapping[str, Callable[[Photo, np.ndarray], np.ndarray]], photos: Photos
+) -> ControlPoint:
+    """The point with its measurements in photographs turned, in those that have a turn."""
+    turned_marks = {
+        name: (*map(float, turn(photos[name], np.array([point.measurements[name][:2]]))[0]), point.measurements[name][2])
+        for name, turn in turns.items()
+    }
+    return point.model_copy(update={"measurements": {**point.measurements, **turned_marks}})
 
 
 def _turned_pixels(pixels: np.ndarray, flag: int, size: tuple[int, int]) -> np.ndarray:

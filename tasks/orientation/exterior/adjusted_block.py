@@ -77,6 +77,7 @@ positions apart from a common shift."""
 class _Input:
     """What every part of the block is made from."""
 
+    upright: Upright
     photos: Photos
     cameras: Cameras
     control: Control
@@ -145,9 +146,7 @@ def _block_of_sensors(
     usable = [point for point in control.points if point.role == "control" and len(point.measurements) >= 2]
     nominal = len(usable) < ENOUGH_CONTROL
     material, tracks = _material(photos, cameras, tie_points, relative, choices, nominal)
-    have = _Input(
-        photos=photos, cameras=cameras, control=control, material=material, choices=choices, tops=seen.tops, elevation=elevation
-    )
+    have = _Input(seen.upright, photos, cameras, control, material, choices, seen.tops, elevation)
 
     def with_cameras(others: Cameras) -> _Input:
         # A wrong constant turns the base of a pair into the view.
@@ -304,7 +303,7 @@ def _without_doubtful_place(part: Part, block: Part) -> Part:
 
 def _recounted(have: _Input, start: BlockStart) -> tuple[_Input, tuple[BlockFinding, ...]]:
     """The input with marks as they are counted in the photographs, and how they were counted."""
-    found = counted_otherwise(have.photos, have.cameras, have.material, start, have.control)
+    found = counted_otherwise(have.upright, have.cameras, have.material, start, have.control)
     return (have, ()) if found is None else (replace(have, control=found[0]), (found[1],))
 
 

@@ -1,11 +1,14 @@
 """Photographs that EXIF turned upright share the sensor of the others: the same block, in the frames of upright photographs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from orienting import orient
 from simulated_block import turned_upright, two_strips
 
 from orthomill.schemas.camera import Cameras
+from orthomill.schemas.observations import Control
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.geometry.camera_change import turned
 from orthomill.tasks.geometry.view import block_view
@@ -63,6 +66,32 @@ def test_image_residuals_are_those_in_the_upright_photograph(both):
     own = other.track >= 0
     seen = np.array([place[t, p] for t, p in zip(other.track[own], other.photo[own], strict=True)])
     assert np.allclose(seen, np.column_stack([other.col, other.row])[own], atol=1e-6)
+
+
+def test_a_list_made_in_reduced_files_before_exif_turns_them_ties_the_block(both):
+    """A public list of a kite's photographs was made in copies of 2400 px that no program had turned."""
+    block, plain, _ = both
+    listed = tuple(point.model_copy(update={"measurements": reduced(point.measurements, 1.5625)}) for point in block.control.points)
+    out = orient(replace(turned_upright(block, FLAGS), control=Control(points=listed)))
+    (found,) = (finding for finding in out["precision"].findings if finding.code == "marks_in_another_frame")
+    assert found.counted == "in the files as they are before EXIF turns them" and found.factor == pytest.approx(1.5625, rel=1e-3)
+    for name in plain["block"].names:
+        assert np.allclose(plain["block"].of(name).centre, out["block"].of(name).centre, atol=0.05)
+
+
+def reduced(marks, factor):
+    """Marks in copies that were reduced by a factor."""
+    return {name: ((col + 0.5) / factor - 0.5, (row + 0.5) / factor - 0.5, sigma) for name, (col, row, sigma) in marks.items()}
+
+
+def test_points_of_sensors_come_back_upright():
+    block = turned_upright(two_strips(41, tracks=60), FLAGS)
+    upright = Upright(block.photos, block.cameras)
+    for point in block.control.points:
+        back = upright.upright_point(upright.sensor_point(point))
+        assert back.measurements.keys() == point.measurements.keys()
+        for name, mark in point.measurements.items():
+            assert back.measurements[name] == pytest.approx(mark)
 
 
 def test_angle_covariances_are_those_of_the_upright_angles(both):
