@@ -26,7 +26,14 @@ MISFIT = {"photo": "a", "misfit_px": 41.5, "lies_on": "P2"}
 VECTOR = (0.25, -0.5, 3.0)
 BLOCK_VALUES = {
     "control_unmet": {"points": 3, "measured": 4, "turned": True},
-    "marks_in_another_frame": {"counted": "so", "change": "do that", "given_px": 140.0, "found_px": 0.6, "points": 5},
+    "marks_in_another_frame": {
+        "counted": "so",
+        "change": "do that",
+        "factor": 0.64,
+        "given_px": 140.0,
+        "found_px": 0.6,
+        "points": 5,
+    },
     "no_datum": {"scaled": True, "scale_share": 0.1},
     "datum_given_up": {"worst": ("P1", "a")},
     "positions_crowded": {},
@@ -112,6 +119,7 @@ BLOCK_VALUES = {
         "second": "P2",
         "length": 12.5,
         "difference": -0.1,
+        "measured": 12.6,
         "ratio": 11.0,
         "outcome": "undecided",
     },

@@ -24,6 +24,8 @@ STEP = 0.02
 """between the sizes that are tried, natural logarithm: marks of a frame of 1000 px then miss by 10 px at most"""
 SAME = 0.1
 """difference of sizes, natural logarithm, below which both are the same way: the rays meet nearly as well beside the right one"""
+UNCHANGED = 0.002
+"""natural logarithm of a factor: nobody makes copies that are smaller by two pixels in a thousand"""
 
 _Count = Callable[[Photo, float, float], tuple[float, float]]
 _Scatter = Callable[[list[ControlPoint]], float]
@@ -125,8 +127,7 @@ def _refined(points: list[ControlPoint], photos: Photos, frame: MarkFrame, scatt
         return (scatter(changed) if changed else 0.0) or np.inf
 
     best = minimize_scalar(missed, bounds=(step - STEP, step + STEP), method="bounded", options={"xatol": 1e-5})
-    # Nothing is gained by a factor that differs from none by less than it is known.
-    at = 0.0 if abs(best.x) < STEP and missed(0.0) <= 1.1 * best.fun else float(best.x)
+    at = 0.0 if abs(best.x) < UNCHANGED else float(best.x)
     return float(np.exp(at)), float(missed(at))
 
 
