@@ -75,6 +75,7 @@ def answered(call, error=WorkflowError, lines: int = 11):
 @example(POSITIONS + "\na,1,2,3,1,1,inf")
 @example(POSITIONS + "\n" + "x" * 200_000 + ",1,2,3,1,1,1")
 @example(POSITIONS + '\n"a,1,2,3,1,1,1')
+@example("\ninf,nan,nan,nan,nan,nan,nan")
 def test_positions(text):
     index = answered(lambda: index_photos(HEADERS, "EPSG:2100", PositionsFromFile(kind="file", path="p.csv"), Limits(100.0), text))
     for photo in index.photos.photos if index else ():

@@ -7,6 +7,7 @@ coordinates in the order of the axes of their system (latitude before longitude,
 import math
 import re
 from dataclasses import replace
+from math import isfinite
 from statistics import pstdev
 
 from orthomill.schemas.errors import WorkflowError
@@ -225,12 +226,17 @@ def _headless(lines: Lines, text: str) -> PositionList:
     return replace(_listed_rows("Pix4D geolocation without header", names, sign, rows, lines), order_of_system=True)
 
 
+def _finite(number: float | None) -> float:
+    """An angle for the choice of names; the row of one that is none is refused when it is read."""
+    return number if number is not None and isfinite(number) else 0.0
+
+
 def _named_angles(names: tuple[str, ...], rows: list[Line], sign: Separation) -> tuple[str, ...]:
     """Three angles without a name: the one that turns through all directions is kappa (third) or yaw (first)."""
     if "angle1" not in names:
         return names
     at = names.index("angle1")
-    triples = [[sign.number(cell) or 0.0 for cell in row.cells[at : at + 3]] for row in rows if len(row.cells) >= at + 3]
+    triples = [[_finite(sign.number(cell)) for cell in row.cells[at : at + 3]] for row in rows if len(row.cells) >= at + 3]
     first, _, third = (pstdev(values) for values in zip(*triples, strict=True)) if triples else (0.0, 0.0, 0.0)
     if triples and len(names) == 7 and all(0.0 < value <= _LIKE_ERRORS for values in triples for value in values):
         raise WorkflowError(
