@@ -45,6 +45,18 @@ def upright_name(photo: Photo) -> str:
     return f"{photo.camera} turned {turned_by}" if turned_by in QUARTER_TURNS else photo.camera
 
 
+def pixel_turn(flag: int) -> np.ndarray:
+    """(2, 2): the rotation `TURN` of an EXIF orientation for (col, row), whose second axis points down."""
+    down = np.diag([1.0, -1.0])
+    return down @ np.array(TURN[flag], float) @ down
+
+
+def turned_pixels(pixels: np.ndarray, flag: int, size: tuple[int, int]) -> np.ndarray:
+    """Pixels (n, 2) of an image of `size` (width, height) after its rotation by an EXIF orientation."""
+    middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
+    return (pixels - middle) @ pixel_turn(flag).T + (middle[::-1] if flag >= 5 else middle)
+
+
 def sensor_name(upright: str) -> str:
     """The name of the sensor's camera from the name of the camera of an upright photograph."""
     name, _, flag = upright.rpartition(" turned ")

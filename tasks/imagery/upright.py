@@ -53,13 +53,6 @@ def file_window(window: Window, orientation: int, height: int, width: int) -> Wi
     return Window(row, col, window.height, window.width)
 
 
-def upright_place(place: tuple[float, float], orientation: int, height: int, width: int) -> tuple[float, float]:
-    """Column and row in the upright photograph of `height` x `width` of a `place` (column, row) in its file."""
-    col, row = place[::-1] if turned(orientation) else place
-    rows_back, cols_back = _reversals(orientation)
-    return width - 1 - col if cols_back else col, height - 1 - row if rows_back else row
-
-
 def _reversals(orientation: int) -> tuple[bool, bool]:
     """Whether rows and columns are reversed, after their exchange."""
     return orientation in (3, 4, 7, 8), orientation in (2, 3, 6, 7)

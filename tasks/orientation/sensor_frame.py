@@ -17,7 +17,16 @@ from orthomill.schemas.camera import Camera, Cameras
 from orthomill.schemas.observations import Control, ControlPoint, ImageResiduals, TiePoints
 from orthomill.schemas.orientation import Block, ExteriorOrientation, JointCovariance, LargestResidual
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.tasks.geometry.camera_change import QUARTER_TURNS, TURN, interior_turn, sensor_name, turned
+from orthomill.tasks.geometry.camera_change import (
+    QUARTER_TURNS,
+    TURN,
+    interior_turn,
+    pixel_turn,
+    sensor_name,
+    sensor_size,
+    turned,
+    turned_pixels,
+)
 from orthomill.tasks.geometry.rotation import angles, rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector
 from orthomill.tasks.orientation.interchange.foreign_block import ForeignPose
@@ -132,12 +141,10 @@ class Upright:
 
     def _to_sensor(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of the upright photograph to those of its sensor's frame."""
-        return _turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
+        return turned_pixels(pixels, QUARTER_TURNS[self.flag(photo.name)], (photo.width, photo.height))
 
     def _to_upright(self, photo: Photo, pixels: np.ndarray) -> np.ndarray:
-        flag = self.flag(photo.name)
-        size = (photo.height, photo.width) if flag >= 5 else (photo.width, photo.height)
-        return _turned_pixels(pixels, flag, size)
+        return turned_pixels(pixels, self.flag(photo.name), sensor_size(photo))
 
     def _sensor_poses(self, given: Mapping[str, ForeignPose] | None) -> Mapping[str, ForeignPose] | None:
         """Approximate orientations of the sensors' frames."""
@@ -208,8 +215,8 @@ class Upright:
         for number, photo in enumerate(self.sensor_photos().photos):
             own, flag = image.photo == number, self.flag(photo.name)
             if flag != 1 and own.any():
-                pixels[own] = _turned_pixels(pixels[own], flag, (photo.width, photo.height))
-                away[own] = away[own] @ _pixel_turn(flag).T
+                pixels[own] = turned_pixels(pixels[own], flag, (photo.width, photo.height))
+                away[own] = away[own] @ pixel_turn(flag).T
         return replace(image, col=pixels[:, 0], row=pixels[:, 1], v_col=away[:, 0], v_row=away[:, 1])
 
     def largest(self, row: LargestResidual) -> LargestResidual:
@@ -232,12 +239,6 @@ def _about_axis(flag: int) -> np.ndarray:
     return out
 
 
-def _pixel_turn(flag: int) -> np.ndarray:
-    """(2, 2): the same rotation for (col, row), whose second axis points down."""
-    down = np.diag([1.0, -1.0])
-    return down @ np.array(TURN[flag], float) @ down
-
-
 def _with_marks(
     point: ControlPoint, turns: Mapping[str, Callable[[Photo, np.ndarray], np.ndarray]], photos: Photos
 ) -> ControlPoint:
@@ -247,12 +248,6 @@ def _with_marks(
         for name, turn in turns.items()
     }
     return point.model_copy(update={"measurements": {**point.measurements, **turned_marks}})
-
-
-def _turned_pixels(pixels: np.ndarray, flag: int, size: tuple[int, int]) -> np.ndarray:
-    """Pixels (n, 2) of an image of `size` (width, height) after its rotation by an EXIF orientation."""
-    middle = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
-    return (pixels - middle) @ _pixel_turn(flag).T + (middle[::-1] if flag >= 5 else middle)
 
 
 def _angle_turn(photo: ExteriorOrientation, flag: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from orthomill.schemas.observations import ControlPoint
 from orthomill.schemas.photo import Photo, Photos
-from orthomill.tasks.imagery.upright import upright_place
+from orthomill.tasks.geometry.camera_change import file_size, turned_pixels
 
 CLEARLY = 5.0
 """times as well as they were read, and as in the second best way: marks of any quality meet by chance in one of many ways"""
@@ -76,7 +76,7 @@ TURNED = (
 FILES = MarkFrame(
     "in the files as they are before EXIF turns them",
     "turn them as EXIF turns each photograph (orthomill counts in the photograph as programs show it)",
-    lambda p, c, r: upright_place((c, r), p.exif_orientation, p.height, p.width),
+    lambda p, c, r: tuple(turned_pixels(np.array([(c, r)]), p.exif_orientation, file_size(p))[0].tolist()),
 )
 
 
