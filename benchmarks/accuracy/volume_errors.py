@@ -135,7 +135,7 @@ def sampled(town: Town, area: float, kind: Kind, correlation: ErrorCorrelation) 
             continue
         if only_measured and not cut.measured[inside].mean() > LEAST_MEASURED:
             continue
-        weights = volume_weights(share * grid.cell**2, border)
+        weights = volume_weights(share * grid.cell**2, cut.measured, border)
         corner = int(row), int(col)
         error = error_of(weights, SurfacePart(cut.height, cut.relative, cut.datum, cut.measured, corner), correlation)
         volume = float((weights * np.where(inside, wrong, 0.0)).sum())

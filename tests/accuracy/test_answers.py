@@ -1,6 +1,6 @@
 """Heights, lines, areas and volumes with their standard errors, against what they must be."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -67,6 +67,16 @@ def test_a_known_body_has_its_volume_and_a_tilted_border_no_part_in_it():
     found = volume_of(part(cone + 0.1 * rows - 0.05 * cols + 12), share, 0.5, None, ALONE)
     assert found.volume == pytest.approx(np.pi * 18**2 * 6 / 3 * 0.25, rel=0.01)
     assert found.volume == pytest.approx(found.cut - found.fill) and found.missing == pytest.approx(0)
+
+
+def test_the_plane_through_the_border_rests_on_measured_cells_where_most_are():
+    share = inside_share(np.array([[5, 5], [50, 5], [50, 50], [5, 50]], float), (60, 60))
+    heights = np.zeros((60, 60))
+    heights[:15] = 8.0
+    guessed = replace(part(heights), measured=heights == 0)
+    found = volume_of(guessed, share, 1.0, None, ALONE)
+    assert found.fill == 0 and found.cut == pytest.approx(8.0 * share[:15].sum())
+    assert found.error.estimated == pytest.approx(guessed.relative[0, 0] * share[:15].sum())
 
 
 def test_estimated_patches_are_one_error_each():

@@ -18,6 +18,8 @@ _FINE = 4
 """subdivisions of a cell along a side, by which its part inside a polygon is counted"""
 BORDER = 3.0
 """cells from the border within which the plane through it is fitted"""
+_MOSTLY = 0.5
+"""share of these cells that must be measured for the plane to rest on measured ones alone"""
 
 
 @dataclass(frozen=True)
@@ -62,15 +64,15 @@ def volume_of(
     """The volume of a polygon.
 
     share (rows, cols) of each cell inside; base: a level m, heights (rows, cols) m without errors of their own, or None for the
-    plane through the border of the polygon.
+    plane through the border of the polygon: through its measured cells, where most are, for a guess there moves the whole base.
     """
     known = np.isfinite(part.height) & (share > 0)
     if isinstance(base, np.ndarray):
         known &= np.isfinite(base)
     area = np.where(known, share, 0.0) * cell**2
     heights = np.where(known, part.height, 0.0).astype(np.float64)
-    weights = volume_weights(area, border=base is None)
-    level = _border_plane(area)[1](heights) if base is None else np.broadcast_to(np.asarray(base), known.shape)
+    weights = volume_weights(area, part.measured, border=base is None)
+    level = _border_plane(area, part.measured)[1](heights) if base is None else np.broadcast_to(np.asarray(base), known.shape)
     above, total = np.where(known, heights - level, 0.0), float(area.sum())
     spread = np.where(known, np.hypot(np.nan_to_num(part.relative), np.nan_to_num(part.datum)), 0.0)
     cut, fill = (float((area * np.maximum(side * above, 0.0)).sum()) for side in (1.0, -1.0))
@@ -89,18 +91,20 @@ def volume_of(
     )
 
 
-def volume_weights(area: np.ndarray, border: bool) -> np.ndarray:
-    """The weight m2 of each cell in a volume, from its area inside (rows, cols) m2: above a level, or above the plane through the
-    border of the polygon."""
-    return area - _border_plane(area)[0] if border else area
+def volume_weights(area: np.ndarray, measured: np.ndarray, border: bool) -> np.ndarray:
+    """The weight m2 of each cell in a volume, from its area inside (rows, cols) m2 and whether it is measured: above a level, or
+    above the plane through the border of the polygon."""
+    return area - _border_plane(area, measured)[0] if border else area
 
 
-def _border_plane(area: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+def _border_plane(area: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
     """What the volume under the plane through the cells near the border takes back from each cell's weight (rows, cols) m2, and the
     plane (rows, cols) itself for heights (rows, cols)."""
     from scipy.ndimage import distance_transform_edt
 
     border = (area > 0) & (distance_transform_edt(np.pad(area > 0, 1))[1:-1, 1:-1] <= BORDER)
+    if (border & measured).sum() >= _MOSTLY * border.sum():
+        border &= measured
     rows, cols = np.indices(area.shape, dtype=np.float64)
     design = np.stack([np.ones_like(rows), rows - rows.mean(), cols - cols.mean()], axis=-1)
     inverse = np.linalg.pinv(design[border].T @ design[border])
