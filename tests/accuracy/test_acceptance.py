@@ -6,6 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from orthomill.schemas.accuracy.acceptance import Acceptance, DeliveryFacts
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid
@@ -119,6 +120,16 @@ def test_products_of_another_program_are_inspected():
     assert found.of("nva").promised is None
 
 
+def test_points_of_another_program_under_vegetation_are_stated_apart():
+    grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
+    points = tuple(SurveyedPoint(name, (30.0 + i, 50.0, 10.0), (0.01, 0.01, 0.01)) for i, name in enumerate(("A", "V1", "V2")))
+    given = points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1
+    found = inspected(*given, ("V*",))
+    assert (found.of("nva").points, found.of("vva").points) == (1, 2)
+    with pytest.raises(WorkflowError, match=r"No check point is called W1 .*they are A, V1, V2"):
+        inspected(*given, ("V*", "W1"))
+
+
 def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
     grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
     control = Control(
@@ -136,3 +147,5 @@ def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
         (grid, lambda cells, window: np.full(window.shape, 10.2)), None
     )
     assert wooded.of("nva").points == wooded.of("vva").points == 1
+    told = accepted(profile(kind="asprs_2023", height=1.0), DeliveryFacts(statement=wooded), "theirs")
+    assert "Vegetated Vertical Accuracy (VVA)" in told.findings[0]

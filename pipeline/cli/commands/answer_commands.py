@@ -110,6 +110,10 @@ def accept(
     crs: Annotated[
         str | None, typer.Option(help="Reference system of points and block; by default that of the block, or of the products.")
     ] = None,
+    vegetated: Annotated[
+        list[str] | None,
+        typer.Option(help="Points under vegetation, by name or shell pattern, stated apart (VVA); can be given several times."),
+    ] = None,
     plan: Annotated[float | None, typer.Option(help="Root mean square error in plan that was agreed, m.", min=1e-6)] = None,
     height: Annotated[float | None, typer.Option(help="Root mean square error in height that was agreed, m.", min=1e-6)] = None,
     output: Annotated[Path | None, typer.Option(help="A .json or .html to write besides; a run has both in its folder.")] = None,
@@ -138,21 +142,28 @@ def accept(
         named = {key: value for key, value in (("plan", plan), ("height", height)) if value is not None}
         limits = profile_of(profile, loaded.project if loaded else None, named)
         files = Delivered(dsm, ortho, points)
-        delivery = " and ".join(path.name for path in (dsm, ortho) if path)
+        delivery, under = " and ".join(path.name for path in (dsm, ortho) if path), tuple(vegetated or ())
         if photos or block:
             if loaded:
                 raise WorkflowError("A project has its photographs and its block; leave --photos and --block out, or the project.")
             seen = _oriented(dsm or ortho, (photos, block), (points, marks), crs)
-            facts = facts_by_inspector(seen.run_folder, files, seen.project.crs, Inspector, ("check", "control"))
+            facts = facts_by_inspector(
+                seen.run_folder, files, seen.project.crs, partial(Inspector, vegetated=under), ("check", "control")
+            )
         elif marks:
             raise WorkflowError("--marks are in photographs; give these with --photos and their orientation with --block.")
+        elif loaded and not (dsm or ortho) and under:
+            raise WorkflowError(
+                "--vegetated is for products of another program; a project names these points in its stage: "
+                f"kind: accuracy, vegetated: [{', '.join(under)}]."
+            )
         elif loaded and not (dsm or ortho):
             facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
         elif loaded:
-            under = next((getattr(stage, "vegetated", ()) for stage in loaded.stages if stage.kind == "accuracy"), ())
+            under = under or next((getattr(stage, "vegetated", ()) for stage in loaded.stages if stage.kind == "accuracy"), ())
             facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, partial(Inspector, vegetated=under))
         else:
-            facts = facts_of_files(files, crs, inspected, listed_points)
+            facts = facts_of_files(files, crs, partial(inspected, vegetated=under), listed_points)
         for remark in facts.remarks:
             err.print(escape(remark), soft_wrap=True)
         result = accepted(limits, facts, delivery)

@@ -23,8 +23,16 @@ def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> 
         profile=getattr(profile, "kind", "custom"),
         delivery=delivery,
         clauses=tuple(_clauses(profile, facts)),
-        findings=tuple(error.sentence for error in facts.statement.named),
+        findings=(*_under_vegetation(facts), *(error.sentence for error in facts.statement.named)),
     )
+
+
+def _under_vegetation(facts: DeliveryFacts) -> Iterator[str]:
+    """What the standard has told beside the accuracy on open ground, and sets no limit for."""
+    for kind in ("vva", "vva_terrain"):
+        figure = facts.statement.of(kind)
+        if figure is not None:
+            yield figure.sentence
 
 
 def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:

@@ -10,6 +10,7 @@ from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.accuracy.point_tests import TESTED, PlaceTest, PointTest, PointTests
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at
+from orthomill.tasks.accuracy.points.under_vegetation import under_vegetation
 from orthomill.tasks.accuracy.statement.point_statement import statement_of
 
 STEEPEST = 0.1
@@ -27,9 +28,12 @@ class SurveyedPoint:
     place: tuple[float, float] | None = None
 
 
-def inspected(points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: Heights | None, pixel: float) -> AccuracyStatement:
-    """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs."""
-    tests = []
+def inspected(
+    points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: Heights | None, pixel: float, vegetated: tuple[str, ...] = ()
+) -> AccuracyStatement:
+    """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs;
+    vegetated: names or shell patterns of points under vegetation, stated apart. Raises WorkflowError for one that no point has."""
+    under, tests = under_vegetation((point.name for point in points), vegetated), []
     for point in points:
         place = _measured(point, pixel)
         height = None
@@ -38,7 +42,8 @@ def inspected(points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: 
             values = heights(grid, window) if not window.empty else np.zeros((0, 0))
             height = height_at(CellsAround(grid, window, values, np.zeros(values.shape)), *point.xyz[:2], STEEPEST)
         height = beside_survey(height, point.sigma[2])
-        tests.append(PointTest(name=point.name, surveyed=point.xyz, sigma=point.sigma, height=height, place=place))
+        known = {"name": point.name, "surveyed": point.xyz, "sigma": point.sigma, "vegetated": point.name in under}
+        tests.append(PointTest(**known, height=height, place=place))
     area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
     return unpromised(PointTests(points=tuple(tests), area_km2=area))
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import (
 )
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at, on_even_ground
+from orthomill.tasks.accuracy.points.under_vegetation import under_vegetation
 from orthomill.tasks.geometry.view import block_view
 
 Read = Callable[[MapGrid, Window], np.ndarray]
@@ -41,10 +41,14 @@ class Inspector:
     """names or shell patterns of points under vegetation, where a surface shows crowns: stated apart"""
 
     def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
-        """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given."""
+        """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given.
+
+        Raises WorkflowError for a pattern of `vegetated` that no point has.
+        """
         of_roles = ([point for point in self.control.points if point.role == role] for role in self.roles)
         points = next(filter(None, of_roles), [])
-        tests = tuple(self._test(point, surface, ortho) for point in points)
+        under = under_vegetation((point.name for point in points), self.vegetated)
+        tests = tuple(self._test(point, surface, ortho).model_copy(update={"vegetated": point.name in under}) for point in points)
         grid = surface[0] if surface else None
         area = grid.rows * grid.cols * grid.cell**2 / 1e6 if grid else 0.0
         return unpromised(PointTests(points=tests, area_km2=area))
@@ -63,8 +67,7 @@ class Inspector:
             pixels = np.zeros((0, 0, 3)) if window.empty else read(grid, window)
             patches = tuple(self._patches(point, grid.cell))
             place = on_even_ground(place_in_orthoimage(OrthoPixels(grid, window, pixels), patches, GroundPlane(point.xyz)), height)
-        under = any(fnmatchcase(point.name, pattern) for pattern in self.vegetated)
-        known = {"name": point.name, "surveyed": point.xyz, "sigma": point.sigma, "vegetated": under}
+        known = {"name": point.name, "surveyed": point.xyz, "sigma": point.sigma}
         return PointTest(**known, height=beside_survey(height, point.sigma[2]), place=place)
 
     def _patches(self, point: ControlPoint, cell: float) -> Iterator[MarkedPatch]:
