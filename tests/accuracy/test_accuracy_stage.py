@@ -13,6 +13,7 @@ from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement
 from orthomill.schemas.accuracy.point_tests import TESTED, HeightTest, PlaceTest, PointTest, PointTests
 from orthomill.schemas.accuracy.promised_errors import Reliability
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job
 from orthomill.schemas.observations import CONTROL, Control, ControlPoint
 from orthomill.schemas.orientation import BLOCK, GroundResidual, GroundResiduals
@@ -91,6 +92,8 @@ def test_points_under_vegetation_and_slopes_are_settings():
     jobs = jobs_of(points=(point("V1", (20, 30, 5)), point("A", (40, 30, 5))), vegetated=("V*",), steepest=0.3)
     assert [job.params["rules"].vegetated for job in jobs if job.item == "point"] == [True, False]
     assert jobs[0].params["rules"].steepest == 0.3
+    with pytest.raises(WorkflowError, match=r"No check point is called W\* \(vegetated\); they are A\."):
+        jobs_of(points=(point("A", (40, 30, 5)),), vegetated=("W*",))
 
 
 def made(count=8, up=0.0, vegetated=False):

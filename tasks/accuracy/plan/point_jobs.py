@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import cached_property
 
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT
@@ -29,6 +28,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
+from orthomill.tasks.accuracy.points.under_vegetation import under_vegetation
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.disjoint_photographs import photograph_differences
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
@@ -47,7 +47,7 @@ class PointJobs:
     vegetated: tuple[str, ...]
 
     def jobs(self) -> Iterator[Job]:
-        """A test of each check point, then the statement."""
+        """A test of each check point, then the statement. Raises WorkflowError for names under vegetation that no point has."""
         tables: list[Table] = []
         for number, point in enumerate(self.points):
             tables.append(point_table(number))
@@ -100,6 +100,11 @@ class PointJobs:
         if self.view.project.grid.kind == "plane":
             return ()
         return tuple(point for point in self.view.table(CONTROL).points if point.role == "check")
+
+    @cached_property
+    def under(self) -> frozenset[str]:
+        """The check points under vegetation. Raises WorkflowError for a pattern of `vegetated` that none has."""
+        return under_vegetation((point.name for point in self.points), self.vegetated)
 
     @cached_property
     def block(self) -> Block:
@@ -161,14 +166,13 @@ class PointJobs:
             "block": BLOCK,
             "ground": GROUND_RESIDUALS,
         }
-        under = any(fnmatchcase(point.name, pattern) for pattern in self.vegetated)
         return Job(
             stage="accuracy",
             item="point",
             function=point_beside_products,
             reads=reads,
             writes={"test": table},
-            params={"point": point, "place": place, "rules": PointRules(self.steepest, under)},
+            params={"point": point, "place": place, "rules": PointRules(self.steepest, point.name in self.under)},
             row=number,
             scratch=_SCRATCH,
         )

@@ -13,8 +13,6 @@ def under_vegetation(names: Iterable[str], patterns: tuple[str, ...]) -> frozens
     found = {pattern: frozenset(name for name in known if fnmatchcase(name, pattern)) for pattern in patterns}
     lost = [pattern for pattern, own in found.items() if not own]
     if lost:
-        raise WorkflowError(
-            f"No check point is called {' or '.join(lost)} (vegetated); they are {', '.join(known[:8])}"
-            f"{', ...' if len(known) > 8 else ''}."
-        )
+        names_known = f"they are {', '.join(known[:8])}{', ...' if len(known) > 8 else ''}" if known else "there are none"
+        raise WorkflowError(f"No check point is called {' or '.join(lost)} (vegetated); {names_known}.")
     return frozenset().union(*found.values())
