@@ -13,6 +13,7 @@ from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
 from orthomill.tasks.adjustment.testing.covariances import distances_elsewhere, points_elsewhere
 from orthomill.tasks.geometry.intersection import intersect_rays
+from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, with_interior
 
 PARALLEL = 1e-12
@@ -43,35 +44,46 @@ class IntersectedGroundPoints:
 def approximate_points(state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays, count: int) -> ApproximatePoints:
     """The `count` points nearest to their rays."""
     points, missed, blur = np.full((count, 3), np.nan), np.zeros(count), np.full(count, np.nan)
-    interior, _ = photo_interiors(state, camera_of)
-    for number in range(count):
-        own = np.flatnonzero(rays.point == number)
-        if len(own) >= 2:
-            photo = rays.photo[own]
-            xy = np.vstack(
-                [ideal(with_interior(cameras[camera_of[p]], interior[p]), rays.xy[[i]]) for i, p in zip(own, photo, strict=True)]
-            )
-            directions = np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(own))]), state.rotation[photo])
-            length = np.linalg.norm(directions, axis=1)
-            directions /= length[:, None]
-            found, offset = intersect_rays(state.centre[photo][:, None], directions[:, None])
-            points[number] = found[0]
-            away = np.linalg.norm(found[0] - state.centre[photo], axis=1)
-            # As an angle, because a distance in space says little for a model of any scale.
-            missed[number] = offset[0] / away.mean()
-            blur[number] = _blur(directions, away / length)
+    directions = _directions(state, cameras, camera_of, rays)
+    length = np.linalg.norm(directions, axis=1)
+    directions /= length[:, None]
+    order, rays_of = np.argsort(rays.point, kind="stable"), np.bincount(rays.point, minlength=count)
+    first = np.cumsum(rays_of) - rays_of
+    # Points of equally many rays at once: lists are tried in thousands of ways.
+    for seen in np.unique(rays_of[rays_of >= 2]):
+        number = np.flatnonzero(rays_of == seen)
+        own = order[first[number] + np.arange(seen)[:, None]]
+        centre = state.centre[rays.photo[own]]
+        found, offset = intersect_rays(centre, directions[own])
+        away = np.linalg.norm(found - centre, axis=2)
+        points[number] = found
+        # As an angle, because a distance in space says little for a model of any scale.
+        missed[number] = offset / away.mean(axis=0)
+        blur[number] = _blur(directions[own], away / length[own])
     return ApproximatePoints(points, missed, blur)
 
 
-def _blur(directions: np.ndarray, depth: np.ndarray) -> float:
-    """The standard error of a coordinate of the point on rays of these unit directions (m, 3), at these depths (m,) before their
-    photographs, whose marks are good to 1 camera constant."""
-    if not np.isfinite(depth).all():
-        return np.nan
-    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
-    weight = np.linalg.eigvalsh((across / depth[:, None, None] ** 2).sum(axis=0))
+def _directions(state: State, cameras: list[Camera], camera_of: np.ndarray, rays: Rays) -> np.ndarray:
+    """(m, 3): the rays in the system of the model, 1 long along the axis of their photographs."""
+    interior, _ = photo_interiors(state, camera_of)
+    xy = np.empty_like(rays.xy)
+    for photo, own in enumerate(rows_of_photos(rays.photo, len(camera_of))):
+        if len(own):
+            xy[own] = ideal(with_interior(cameras[camera_of[photo]], interior[photo]), rays.xy[own])
+    return np.einsum("ni,nij->nj", np.column_stack([xy, -np.ones(len(xy))]), state.rotation[rays.photo])
+
+
+def _blur(directions: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """(n,) standard errors of a coordinate of the points on rays of these unit directions (m, n, 3), at these depths (m, n) before
+    their photographs, whose marks are good to 1 camera constant."""
+    blur = np.full(depth.shape[1], np.nan)
+    across = np.eye(3) - directions[..., :, None] * directions[..., None, :]
+    finite = np.isfinite(depth).all(axis=0)
+    weight = np.linalg.eigvalsh((across[:, finite] / depth[:, finite, None, None] ** 2).sum(axis=0))
     # Parallel rays, as those of two marks at one place of two photographs that stand still, determine no depth.
-    return float(np.sqrt((1.0 / weight).mean())) if weight[0] > PARALLEL * weight[-1] else np.nan
+    sound = weight[:, 0] > PARALLEL * weight[:, -1]
+    blur[np.flatnonzero(finite)[sound]] = np.sqrt((1.0 / weight[sound]).mean(axis=1))
+    return blur
 
 
 def intersect_ground(result: Adjustment, start: np.ndarray, rays: Rays) -> IntersectedGroundPoints:
