@@ -393,6 +393,6 @@ def measurement_mistake(
     if values and not photo.holds(*photo.from_file(values[0], values[1])):
         return (
             f"is measured at col {values[0]:g}, row {values[1]:g}, outside of {photo.name}, which has {photo.width} columns and "
-            f"{photo.height} rows; correct the line or take it out."
+            f"{photo.height} rows; correct the line or take it out, or, if the marks were made in larger pictures, run with those."
         )
     return None
