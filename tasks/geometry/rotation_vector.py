@@ -6,8 +6,12 @@ from orthomill.tasks.geometry.rotation import angles, rotation_derivatives
 
 
 def skew(v: np.ndarray) -> np.ndarray:
-    """The 3 x 3 matrix of the vector product v x."""
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    """(..., 3, 3): the matrices of the vector products v x of vectors (..., 3)."""
+    v = np.asarray(v)
+    matrix = np.zeros((*v.shape, 3))
+    for first, second, third in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., first, second], matrix[..., second, first] = -v[..., third], v[..., third]
+    return matrix
 
 
 def rotation_of_vector(w: np.ndarray) -> np.ndarray:

@@ -120,7 +120,7 @@ def position_derivatives(network: Network, state: State, photos: np.ndarray) -> 
     # The antenna depends on the rotation only through the lever arm; without one these columns would be zeros.
     if state.lever.any() or len(network.lever_columns):
         levers = network.levers(state.lever)[photos]
-        blocks.append(turned @ np.array([skew(lever) for lever in levers]).reshape(-1, 3, 3))
+        blocks.append(turned @ skew(levers))
         columns.append(6 * photos[:, None] + 3 + np.arange(3))
     if len(network.lever_columns):
         blocks.append(turned)

@@ -7,13 +7,13 @@ circles, which a thousand times more precise image measurements punish. By itsel
 out of every step and applied as what it is.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.datum import (
+    antennas,
     distance_residuals,
     position_residuals,
     prior_cost,
@@ -27,10 +27,8 @@ _IMPOSSIBLE = (
     "Positions, control and photographs contradict each other so much that the block has no place: look for a position or control "
     "point with a wrong coordinate, or for the wrong reference system."
 )
-# Central differences of 1e-5 have errors of 1e-10 both from curvature and from rounding: smaller steps would follow noise.
-STEPS, INCREMENT, NEGLIGIBLE = 20, 1e-5, 1e-10
-"""Largest number of Gauss-Newton steps; increments and negligible steps in units of the block's size, radians and logarithms of the
-scale."""
+STEPS, NEGLIGIBLE = 20, 1e-10
+"""Largest number of Gauss-Newton steps; negligible steps in units of the block's size, radians and logarithms of the scale."""
 
 # Steps from a nearly singular system ask for anything; they are tried, cost too much and are shortened.
 LARGEST = 50.0
@@ -64,14 +62,19 @@ def motion_in(state: State, centre: np.ndarray, turn: np.ndarray) -> WholeMotion
     """The motion of the whole block that explains most of a step: corrections (P, 3) m of the projection centres and rotation
     vectors (P, 3) in the image systems."""
     middle, size = _extent(state)
-    lever = (state.centre - middle) / size
     # Every photograph shows the motion twice: by how its centre moves, and by how it turns in the world.
-    alike = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
-    by_centre = np.concatenate([alike, -np.array([skew(one) for one in lever]), lever[:, :, None]], axis=2)
-    by_turn = np.concatenate([0.0 * alike, alike, np.zeros((len(lever), 3, 1))], axis=2)
-    A = np.concatenate([by_centre, by_turn]).reshape(-1, 7)
+    by_centre = _moves(state.centre - middle, size)
+    by_turn = np.zeros_like(by_centre)
+    by_turn[:, :, 3:6] = np.eye(3)
+    A = np.concatenate([by_centre / size, by_turn]).reshape(-1, 7)
     seen = np.concatenate([centre / size, -np.einsum("pji,pj->pi", state.rotation, turn)]).ravel()
     return WholeMotion(np.linalg.lstsq(A, seen, rcond=1e-10)[0], middle, size)
+
+
+def _moves(lever: np.ndarray, size: float) -> np.ndarray:
+    """(n, 3, 7) derivatives of places with these levers (n, 3) m about the middle by the numbers of a motion."""
+    shift = np.broadcast_to(size * np.eye(3), (len(lever), 3, 3))
+    return np.concatenate([shift, -skew(lever), lever[:, :, None]], axis=2)
 
 
 def _extent(state: State) -> tuple[np.ndarray, float]:
@@ -86,48 +89,94 @@ def fitted_whole(network: Network, state: State, huber: float = np.inf) -> State
     network."""
     if network.free:
         return state
-    factors = prior_factors(network, state, huber)
-    surveyed = np.flatnonzero(network.point_weight.any(axis=1))
-    middle, size = _extent(state)
-
-    by_centre = np.sqrt(factors.centre[:, None] * network.centre_weight)
-    by_point = np.sqrt(factors.point[surveyed, None] * network.point_weight[surveyed])
-    by_vertical, by_distance = np.sqrt(network.vertical_weight)[:, None], np.sqrt(factors.distance * network.distances.weight)
-    has_vertical = bool(by_vertical.any())
-
-    def misfits(motion: np.ndarray) -> np.ndarray:
-        # Only surveyed points enter the misfits; moving all others in every difference quotient would cost most of the time.
-        moved = WholeMotion(motion, middle, size).of(state, surveyed)
-        known = [
-            by_centre * position_residuals(network, moved),
-            by_point * (network.point - moved.point)[surveyed],
-            by_vertical * (vertical_residuals(network, moved) if has_vertical else 0.0),
-            by_distance * distance_residuals(network, moved),
-        ]
-        return np.concatenate([part.ravel() for part in known])
-
-    moved = WholeMotion(_best_motion(misfits), middle, size).of(state, np.arange(len(state.point)))
+    moved = state
+    for motion in _best_motions(_Known.of(network, state, huber), state):
+        moved = motion.of(moved, np.arange(len(state.point)))
     # Compared with Huber's losses, which the square sums of the iteration only approximate.
     return moved if prior_cost(network, moved, huber) < prior_cost(network, state, huber) else state
 
 
-def _best_motion(misfits: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """(7,) the motion with the least sum of squares of `misfits`, by Gauss-Newton; the smallest where several are equally good."""
-    motion = np.zeros(7)
-    now = misfits(motion)
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What is known of a block, with the roots of the weights of positions (P, 3), of the points `surveyed` (n,) (n, 3), of
+    verticals (P, 1) and of distances (D,)."""
+
+    network: Network
+    surveyed: np.ndarray
+    by_centre: np.ndarray
+    by_point: np.ndarray
+    by_vertical: np.ndarray
+    by_distance: np.ndarray
+
+    @classmethod
+    def of(cls, network: Network, state: State, huber: float) -> "_Known":
+        factors = prior_factors(network, state, huber)
+        distances = network.distances
+        # Only these points enter the misfits; moving all others at every step would cost most of the time.
+        known = np.array(network.point_weight.any(axis=1))
+        known[distances.ends.ravel()] = True
+        return cls(
+            network,
+            np.flatnonzero(known),
+            np.sqrt(factors.centre[:, None] * network.centre_weight),
+            np.sqrt(factors.point[known, None] * network.point_weight[known]),
+            np.sqrt(network.vertical_weight)[:, None],
+            np.sqrt(factors.distance * distances.weight),
+        )
+
+    def misfits(self, state: State) -> np.ndarray:
+        """(r,) what is known minus what the state says, in standard errors."""
+        parts = [
+            self.by_centre * position_residuals(self.network, state),
+            self.by_point * (self.network.point - state.point)[self.surveyed],
+            self.by_vertical * vertical_residuals(self.network, state) if self.by_vertical.any() else np.zeros(0),
+            self.by_distance * distance_residuals(self.network, state),
+        ]
+        return np.concatenate([part.ravel() for part in parts])
+
+    def derivatives(self, state: State, middle: np.ndarray, size: float) -> np.ndarray:
+        """(r, 7) derivatives of the misfits by the numbers of a motion of the state."""
+        arm = antennas(self.network, replace(state, shift=np.zeros_like(state.shift))) - state.centre
+        position = _moves(state.centre - middle, size)
+        position[:, :, 3:6] -= skew(arm)  # a lever arm turns with the block and does not grow with it
+        first, second = self.network.distances.ends.T
+        distance = np.zeros((len(self.by_distance), 7))
+        distance[:, 6] = np.linalg.norm(state.point[second] - state.point[first], axis=1)
+        parts = [
+            self.by_centre[:, :, None] * position,
+            self.by_point[:, :, None] * _moves(state.point[self.surveyed] - middle, size),
+            self.by_vertical[:, :, None] * self._tilts(state) if self.by_vertical.any() else np.zeros((0, 7)),
+            self.by_distance[:, None] * distance,
+        ]
+        return -np.concatenate([part.reshape(-1, 7) for part in parts])
+
+    def _tilts(self, state: State) -> np.ndarray:
+        """(P, 3, 7) derivatives of the negative residuals of verticals."""
+        tilts = np.zeros((len(state.rotation), 3, 7))
+        tilts[:, :, 3:6] = -skew(self.network.up) @ state.rotation @ skew(np.array([0.0, 0.0, 1.0]))
+        return tilts
+
+
+def _best_motions(known: _Known, state: State) -> list[WholeMotion]:
+    """The motions, one after the other, that take a state to the least sum of squares of what is known, by Gauss-Newton; the
+    smallest ones where several are equally good."""
+    motions: list[WholeMotion] = []
+    now = known.misfits(state)
     for _ in range(STEPS):
-        moves = INCREMENT * np.eye(7)
-        J = np.stack([(misfits(motion + move) - misfits(motion - move)) / (2.0 * INCREMENT) for move in moves], axis=1)
+        middle, size = _extent(state)
         # The smallest motion: what no observation determines (the tilt about a line of positions) stays as it is.
         try:
-            step = np.linalg.lstsq(J, -now, rcond=1e-10)[0]
+            step = np.linalg.lstsq(known.derivatives(state, middle, size), -now, rcond=1e-10)[0]
         except np.linalg.LinAlgError:  # numbers so far apart that products of them overflow
             raise GeometryError(_IMPOSSIBLE) from None
-        there = misfits(motion + step)
+        then = WholeMotion(step, middle, size).of(state, known.surveyed)
+        there = known.misfits(then)
         while there @ there > now @ now and np.abs(step).max() > NEGLIGIBLE:
-            step *= 0.5
-            there = misfits(motion + step)
+            step = 0.5 * step
+            then = WholeMotion(step, middle, size).of(state, known.surveyed)
+            there = known.misfits(then)
         if np.abs(step).max() <= NEGLIGIBLE:
-            return motion
-        motion, now = motion + step, there
-    return motion
+            break
+        motions.append(WholeMotion(step, middle, size))
+        state, now = then, there
+    return motions

@@ -1,16 +1,19 @@
 """Numbers that no arithmetic can hold are answered with a sentence about the block."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_network import small_network
 
 from orthomill.schemas.errors import GeometryError
-from orthomill.tasks.adjustment.solve.whole_block import WholeMotion, _best_motion
+from orthomill.tasks.adjustment.solve.whole_block import WholeMotion, fitted_whole
 
 
 def test_contradictions_that_overflow_are_a_sentence():
+    network, state, _ = small_network()
     with pytest.raises(GeometryError, match="look for a position or control point with a wrong coordinate"):
-        _best_motion(lambda motion: np.array([np.nan, 1.0, 2.0]) + motion[0])
+        fitted_whole(replace(network, centre=np.full_like(network.centre, np.nan)), state)
 
 
 @pytest.mark.filterwarnings("error")

@@ -8,7 +8,7 @@ from small_network import small_network
 
 from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.datum import prior_cost
-from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
+from orthomill.tasks.adjustment.model.network import NOT_SHIFTED, Distances
 from orthomill.tasks.adjustment.solve.whole_block import fitted_whole
 from orthomill.tasks.geometry.rotation_vector import rotation_of_vector
 
@@ -79,3 +79,20 @@ def test_a_wrong_position_counts_less_with_hubers_weights():
     plain, robust = (fitted_whole(wrong, transformed(truth, shift=(1.0, 0.0, 0.0)), huber) for huber in (np.inf, 2.0))
     away = [np.abs(s.centre - truth.centre).max() for s in (plain, robust)]
     assert away[1] < 0.5 * away[0]
+
+
+def test_a_distance_between_points_that_nobody_surveyed_scales_a_block():
+    network, truth, _ = small_network(photos=4)
+    length = float(np.linalg.norm(truth.point[5] - truth.point[2]))
+    measured = replace(
+        network,
+        centre_weight=np.zeros((4, 3)),
+        point_weight=np.zeros_like(network.point_weight),
+        distances=Distances(np.array([[2, 5]]), np.array([length]), np.array([1e4])),
+        shift=NOT_SHIFTED,
+    )
+    state = fitted_whole(measured, transformed(truth, scale=1.3))
+    assert np.linalg.norm(state.point[5] - state.point[2]) == pytest.approx(length, abs=1e-6)
+    assert np.linalg.norm(state.centre[3] - state.centre[0]) == pytest.approx(
+        np.linalg.norm(truth.centre[3] - truth.centre[0]), abs=1e-6
+    )
