@@ -5,6 +5,7 @@ photographs show in pixels much coarser than those of the block is its backgroun
 wrong, and an orthoimage of streaks. Photographs that look down show no such ground.
 """
 
+from itertools import pairwise
 from math import isqrt
 from typing import NamedTuple
 
@@ -23,7 +24,6 @@ _MOST = 20_000_000
 """squares times photographs for a fine border: some seconds"""
 _SCRAP = 0.05
 """share of the largest part below which another one is chance: a corner that two photographs happen to show"""
-Rectangle = tuple[float, float, float, float]
 
 
 def well_seen_ground(block: Block, bounds: Area, level: float, pixel: float) -> WantedArea:
@@ -37,8 +37,7 @@ def well_seen_ground(block: Block, bounds: Area, level: float, pixel: float) -> 
     fine = _squares(block, bounds, level, max(_FIRST, min(_FINE, isqrt(_MOST // len(block.photos)))))
     if not (well := fine.size <= COARSEST * pixel).any():
         return WantedArea()
-    whole = _with_neighbours(_without_scraps(well))
-    return WantedArea(polygons=tuple((_ring(*box),) for box in _rectangles(whole, fine.x, fine.y)))
+    return WantedArea(polygons=_outlines(fine, _without_scraps(well), COARSEST * pixel))
 
 
 class _Squares(NamedTuple):
@@ -80,25 +79,30 @@ def _second_smallest_pixel(block: Block, x: np.ndarray, y: np.ndarray, level: fl
     return second
 
 
-def _with_neighbours(squares: np.ndarray) -> np.ndarray:
-    """Squares (rows, cols) bool and those that touch them: what lies on the border of a square belongs to the block."""
-    return cv2.dilate(squares.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+def _outlines(squares: _Squares, wanted: np.ndarray, limit: float) -> tuple[tuple[Ring, ...], ...]:
+    """Polygons, each with its holes, around the `wanted` squares (rows, cols) bool and those that touch them, drawn where the size
+    of pixels reaches the `limit` (m) between two middles."""
+    import contourpy  # here, for the command would load it whenever it looks at settings
+
+    # What lies on the border of a square belongs to the block: a square counts by the best of those that touch it.
+    size = cv2.erode(np.where(wanted, squares.size, 2.0 * limit), np.ones((3, 3), np.uint8))
+    x, y = (np.r_[at[0], 0.5 * (at[:-1] + at[1:]), at[-1]] - at[0] for at in (squares.x, squares.y))
+    lines = contourpy.contour_generator(x, y, np.pad(size, 1, mode="edge"), fill_type=contourpy.FillType.OuterOffset)
+    # Straight within a square: frames end in straight lines, of which squares make stairs.
+    step = max(float(np.diff(squares.x).max()), float(np.diff(squares.y).max()))
+    origin = np.array([squares.x[0], squares.y[0]])
+    polygons = [
+        [_straightened(corners[first:last], step) + origin for first, last in pairwise(ends)]
+        for corners, ends in zip(*lines.filled(-1.0, limit), strict=True)
+    ]
+    return tuple(tuple(_ring(ring) for ring in rings if len(ring) > 2) for rings in polygons if len(rings[0]) > 2)
 
 
-def _rectangles(squares: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[Rectangle]:
-    """West, south, east, north of rectangles that make up the squares (rows, cols) between the borders `x` (cols + 1,), `y`
-    (rows + 1,), and overlap nowhere."""
-    found: list[Rectangle] = []
-    growing: dict[tuple[int, int], int] = {}
-    for row in range(len(squares) + 1):
-        edges = np.flatnonzero(np.diff(np.pad(squares[row].astype(np.int8), 1))) if row < len(squares) else np.zeros(0, int)
-        runs = set(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-        for run in [run for run in growing if run not in runs]:
-            found.append((float(x[run[0]]), float(y[growing.pop(run)]), float(x[run[1]]), float(y[row])))
-        for run in sorted(runs):
-            growing.setdefault(run, row)
-    return found
+def _straightened(ring: np.ndarray, step: float) -> np.ndarray:
+    """Corners (m, 2) of a closed ring (n, 2), first and last alike, without those that lie within a `step` of the lines between the
+    others."""
+    return cv2.approxPolyDP(ring[:-1].astype(np.float32), step, True)[:, 0].astype(np.float64)
 
 
-def _ring(west: float, south: float, east: float, north: float) -> Ring:
-    return ((west, south), (east, south), (east, north), (west, north))
+def _ring(corners: np.ndarray) -> Ring:
+    return tuple((float(x), float(y)) for x, y in corners)

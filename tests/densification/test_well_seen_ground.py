@@ -1,4 +1,4 @@
-"""What of the ground is background: photographs that look along it, photographs that look down, and rectangles of squares."""
+"""What of the ground is background: photographs that look along it, photographs that look down, and its outline."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from orthomill.schemas.camera import Camera
 from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.orientation import Block, ExteriorOrientation
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.densification.well_seen_ground import COARSEST, _rectangles, _ring, _without_scraps, well_seen_ground
+from orthomill.tasks.densification.well_seen_ground import COARSEST, _outlines, _Squares, _without_scraps, well_seen_ground
 
 CAMERA = Camera(name="one", width=1000, height=800, c=1000.0, x0=0.0, y0=0.0)
 HEIGHT = 10.0
@@ -77,16 +77,29 @@ def test_a_second_place_stays_and_scraps_go():
     assert kept[2:20, 2:20].all() and kept[25:35, 25:35].all() and not kept[2:4, 30:32].any()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_rectangles_are_the_squares_and_overlap_nowhere(seed):
-    squares = np.random.default_rng(seed).random((7, 9)) < 0.6
-    x, y = np.arange(10.0), np.arange(8.0)
-    boxes = _rectangles(squares, x, y)
-    covered = np.zeros(squares.shape, int)
-    for west, south, east, north in boxes:
-        covered[int(south) : int(north), int(west) : int(east)] += 1
-    np.testing.assert_array_equal(covered, squares.astype(int))
-    area = WantedArea(polygons=tuple((_ring(*box),) for box in boxes))
-    grid = MapGrid(west=0.0, north=7.0, cell=0.5, rows=14, cols=18)
-    expected = np.repeat(np.repeat(squares[::-1], 2, axis=0), 2, axis=1)
-    np.testing.assert_array_equal(area.cells(grid, Window(0, 0, 14, 18)), expected)
+def test_the_border_is_that_of_the_frames_and_no_stairs():
+    """Two photographs turned by 30 degrees show one rectangle, two others look along the ground."""
+    turned = block(((0.0, 0.0), 0.0), ((0.1, 0.0), 0.0), ((0.0, 0.0), 85.0), ((0.1, 0.0), 85.0))
+    photos = tuple(p.model_copy(update={"omega_phi_kappa": (*p.omega_phi_kappa[:2], 30.0)}) for p in turned.photos[:2])
+    wanted = well_seen_ground(
+        turned.model_copy(update={"photos": (*photos, *turned.photos[2:])}), (-12.0, -12.0, 12.0, 60.0), 0.0, HEIGHT / CAMERA.c
+    )
+    ((ring,),) = wanted.polygons
+    assert len(ring) < 40, "frames have four sides"
+    xy = np.array(ring)
+    c, s = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    along, across = xy @ [c, s], xy @ [-s, c]
+    assert np.abs(along).max() < 5.0 + 1.0 and across.min() > -4.0 - 1.0
+
+
+def test_holes_are_rings_of_their_own_and_parts_polygons():
+    at = np.arange(21.0)
+    wanted = np.zeros((20, 20), bool)
+    wanted[1:12, 1:12] = wanted[15:19, 15:19] = True
+    wanted[4:9, 4:9] = False
+    polygons = _outlines(_Squares(at, at, np.where(wanted, 1.0, np.inf)), wanted, 3.0)
+    assert sorted(len(rings) for rings in polygons) == [1, 2]
+    area = WantedArea(polygons=polygons).cells(MapGrid(west=0.0, north=20.0, cell=1.0, rows=20, cols=20), Window(0, 0, 20, 20))[
+        ::-1
+    ]
+    assert area[wanted].all() and not area[6, 6] and not area[13, 13]
