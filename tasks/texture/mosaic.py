@@ -91,7 +91,8 @@ class TileTexture(BaseModel):
     outside: int
     hidden: int
     missed: int
-    """pixels without colour: in the frame of no photo, hidden from every photo that shows the place, seen by some photo"""
+    """pixels without colour: in the frame of no photo or beyond the area that is wanted, hidden from every photo that shows the
+    place, seen by some photo"""
     most: int
     """the greatest number of photos that see a pixel"""
     photo_seen: dict[str, int]
@@ -227,8 +228,11 @@ def _strip(
     return blend(colours, weights, rules.colours.blend, broken), [int(np.count_nonzero(weight)) for weight in weights], heaviest
 
 
-def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, level: float) -> np.ndarray:
-    """Numbers (3,) of pixels without colour: in the frame of no photo, hidden from every photo that shows the place, missed.
+def _empty_pixels(
+    ground: Ground, factors: list[np.ndarray], views: list[View], used: np.ndarray, wanted: np.ndarray, level: float
+) -> np.ndarray:
+    """Numbers (3,) of pixels without colour: in the frame of no photo or not `wanted` (rows, cols) bool, hidden from every photo
+    that shows the place, missed.
 
     A pixel without height is tested at the height `level` (m), and missed if some photo shows the place.
     """
@@ -239,7 +243,7 @@ def _empty_pixels(ground: Ground, factors: list[np.ndarray], views: list[View], 
     empty = (used == 0).astype(np.uint8)
     shows, sees = np.zeros(used.shape, bool), np.zeros(used.shape, bool)
     for view, factor in zip(views, factors, strict=True):
-        inside = shown(view, place, empty)
+        inside = shown(view, place, empty) & wanted
         shows |= inside
         sees |= inside & (without | (factor > 0))
     return np.array([(empty > 0).sum() - shows.sum(), (shows & ~sees).sum(), sees.sum()])
@@ -278,6 +282,7 @@ def texture_tile(
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
+    wanted = _at_pixels(rules.wanted.cells(extent.dsm, extent.core), extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
     ortho, tally = np.zeros((height, width, 4), f"uint{rules.bits}"), ColourTally(np.zeros(len(views)))
@@ -293,7 +298,7 @@ def texture_tile(
         source[rows] = np.where(blended.used > 0, known_as[heaviest], 0)
         tally.add(blended)
         seen += np.array(sees, np.int64)  # also where no photograph shows the tile
-        empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, level)
+        empty += _empty_pixels(strip, [factor[rows] for factor in scene.factors], views, blended.used, wanted[rows], level)
     names = [view.name for view in views]
     outside, hidden, missed = empty.tolist()
     statistics = TileTexture(

@@ -10,6 +10,7 @@ from box_scene import BOX, CENTRES, DSM, ORTHO, block, heights, sees, true_ortho
 from box_scene_stages import GAINS, VIGNETTING, photograph
 
 from orthomill.schemas.errors import WorkflowError
+from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import HeightSource, Provenance
 from orthomill.tasks.colouring.balance.balancing import balanced_block
@@ -264,6 +265,16 @@ def test_pixels_left_open_are_counted_as_missed(photos, radiometry):
     holed[90:96, 20:30] = np.nan
     _, (statistics,) = make(photos, radiometry, model=holed)
     assert statistics.missed == 6 * 10 * 4
+
+
+def test_pixels_beyond_the_area_are_none_that_the_orthoimage_lacks(photos, radiometry):
+    west, north = DSM.west, DSM.north
+    half = 0.5 * DSM.cols * DSM.cell
+    ring = ((west, north), (west + half, north), (west + half, north - 2 * half), (west, north - 2 * half))
+    own = np.where(np.arange(DSM.cols) < DSM.cols // 2, heights(), np.float32(np.nan))
+    _, statistics = make(photos, radiometry, rules=replace(RULES, wanted=WantedArea(polygons=((ring,),))), model=own)
+    assert sum(tile.missed for tile in statistics) == 0
+    assert sum(tile.outside for tile in statistics) > 0.49 * WHOLE.height * WHOLE.width, "but for pixels on its border"
 
 
 def test_estimated_heights_are_told_from_measured_ones(photos, radiometry):

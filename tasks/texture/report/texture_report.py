@@ -129,7 +129,7 @@ def _pixel_figures(totals: _Totals, facts: TextureFacts) -> tuple[Figure, ...]:
 
 def _seen_figures(totals: _Totals) -> tuple[Figure, ...]:
     empty = (
-        ("outside_share", totals.outside, "Pixels without colour in the frame of no photo."),
+        ("outside_share", totals.outside, "Pixels without colour in the frame of no photo, or beyond the area that is wanted."),
         (
             "occluded_share",
             totals.hidden,
@@ -173,7 +173,7 @@ def _photo_row(photo: PhotoRadiometry, seen: int, share: float) -> tuple[str | i
 
 
 def _filled(totals: _Totals) -> float:
-    """Share of the pixels in the frame of a photograph that have a colour."""
+    """Share of the pixels in the frame of a photograph, within the area that is wanted, that have a colour."""
     shown = totals.pixels - totals.outside
     return (shown - totals.hidden - totals.missed) / shown if shown else 0.0
 
