@@ -96,11 +96,28 @@ class NamedError(_Stated):
         return self.displaced <= SURE * math.hypot(self.promised, known)
 
 
+class DistanceFigure(_Stated):
+    """Measured distances that took no part in the block, against it."""
+
+    distances: int
+    fit: float
+    """m: root mean square of block minus measured"""
+    promised: float
+    """root mean square of these differences in units of their promised standard errors, in which the measurement has its part"""
+    scale: float
+    """parts per million by which the block is longer: the sum of the differences over that of the lengths"""
+    scale_sigma: float
+    """parts per million: its standard error, were the errors of all distances the same; independent ones leave a smaller one"""
+    sentence: str
+
+
 class AccuracyStatement(_Stated):
     """All that is stated of the products."""
 
     figures: tuple[AccuracyFigure, ...] = ()
     named: tuple[NamedError, ...] = ()
+    distances: DistanceFigure | None = None
+    """of the block, whose scale the products have; None: no distance to a check point was measured"""
     untested: tuple[tuple[str, str], ...] = ()
     """(point, why its height or place says nothing), of those that were not counted"""
     level: Literal["tested", "promised"] = "promised"

@@ -36,7 +36,8 @@ class SurveyedReliability(_Part):
     point: str
     axis: str
     sigma: float
-    """m, with which it took part: as stated, or enlarged where the group contradicts the rest"""
+    """m, with which it took part: as stated, or enlarged where the group contradicts the rest; of a distance to a check point that
+    of its difference from the block"""
     redundancy: float
     """share of an error that its residual shows"""
     detectable: float | None
@@ -53,6 +54,8 @@ class AdjustmentStatement(_Part):
     control: tuple[SurveyedReliability, ...] = ()
     distances: tuple[SurveyedReliability, ...] = ()
     """those that took part"""
+    check_distances: tuple[SurveyedReliability, ...] = ()
+    """those to check points: the whole of an error shows, and nothing of it is in the block"""
     gnss_shift: tuple[float, float, float] | None = None
     """m: constant error of all GNSS positions; None: not adjusted"""
     gnss_shift_sigma: tuple[float, float, float] | None = None
@@ -108,10 +111,10 @@ class InteriorCorrelation(Columns):
 
 @dataclass(frozen=True)
 class SurveyedReliabilities(Columns):
-    """The same for every control point, GNSS position and distance that took part, one coordinate or length a row."""
+    """The same for every control point, GNSS position and distance, one coordinate or length a row."""
 
     kind: np.ndarray
-    """str: control, position or distance"""
+    """str: control, position, distance, or check distance: one that took no part"""
     name: np.ndarray
     axis: np.ndarray
     """str"""

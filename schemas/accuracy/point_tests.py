@@ -3,6 +3,7 @@
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Table
+from orthomill.schemas.orientation import DistanceResidual
 
 TESTED = "tested"
 """the reason of a point that can be tested"""
@@ -127,9 +128,11 @@ class PointTest(_Tested):
 
 
 class PointTests(_Tested):
-    """All check points of a project."""
+    """All check points of a project, and the distances measured to them."""
 
     points: tuple[PointTest, ...] = ()
+    distances: tuple[DistanceResidual, ...] = ()
+    """of the block: those that took no part in it"""
     area_km2: float = 0.0
     """of the surface with heights"""
 

@@ -1,5 +1,6 @@
 """What the stage plans for each project, and what its report says of what was found."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,14 +17,14 @@ from orthomill.schemas.accuracy.promised_errors import Reliability
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job
 from orthomill.schemas.observations import CONTROL, Control, ControlPoint
-from orthomill.schemas.orientation import BLOCK, GroundResidual, GroundResiduals
+from orthomill.schemas.orientation import BLOCK, DistanceResidual, GroundResidual, GroundResiduals
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.surface import ORTHO, SURFACE, Surface
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
 from orthomill.tasks.accuracy.stage import AccuracyStage
-from orthomill.tasks.accuracy.statement.point_statement import statement_of
+from orthomill.tasks.accuracy.statement.point_statement import collect_tests, statement_of
 
 GRID = MapGrid(west=0.0, north=60.0, cell=1.0, rows=60, cols=90)
 
@@ -94,6 +95,20 @@ def test_points_under_vegetation_and_slopes_are_settings():
     assert jobs[0].params["rules"].steepest == 0.3
     with pytest.raises(WorkflowError, match=r"No check point is called W\* \(vegetated\); they are A\."):
         jobs_of(points=(point("A", (40, 30, 5)),), vegetated=("W*",))
+
+
+def test_distances_to_check_points_state_the_scale_of_the_block():
+    known = {"length": 100.0, "predicted": 0.02, "second": "K"}
+    rows = tuple(
+        DistanceResidual(first=name, difference=d, role=role, **known)
+        for name, d, role in (("A", 0.03, "check"), ("B", 0.01, "check"), ("C", 9.0, "control"))
+    )
+    tests = collect_tests((), GroundResiduals(distances=rows), 1.0)
+    found = statement_of(tests).distances
+    assert (found.distances, found.fit) == (2, pytest.approx(math.sqrt(5e-4)))
+    assert (found.scale, found.scale_sigma) == (pytest.approx(200.0), pytest.approx(200.0))
+    assert "200 ppm longer than measured" in found.sentence
+    assert statement_of(PointTests()).distances is None
 
 
 def made(count=8, up=0.0, vegetated=False):

@@ -52,8 +52,8 @@ def test_the_smallest_error_found_and_its_effect_follow_from_the_redundancy_numb
 
 def test_control_and_positions_that_took_part_are_rows_of_a_table(stated):
     table = stated.surveyed
-    assert table.kind.tolist() == ["control"] * 3 + ["position"] * 3 + ["distance"]
-    assert set(table.name.tolist()) == {"P1", "photo", "A to B"}
+    assert table.kind.tolist() == ["control"] * 3 + ["position"] * 3 + ["distance", "check distance"]
+    assert set(table.name.tolist()) == {"P1", "photo", "A to B", "A to K1"}
     assert table.detectable[5] == pytest.approx(4.13 * 0.2 / 0.8) and np.isnan(table.detectable[2])
 
 
@@ -62,7 +62,13 @@ def test_a_distance_that_took_part_has_its_smallest_error_found(stated):
     assert (length.point, length.axis, length.redundancy) == ("A to B", "length", 0.64)
     assert length.detectable == pytest.approx(4.13 * 0.01 / 0.8) and length.effect == pytest.approx(0.36 * length.detectable)
     *_, grid = adjustment_grids(stated.statement)
-    assert grid.rows[-1][:3] == ("A to B", "length", 0.01)
+    assert grid.rows[-2][:3] == ("A to B", "length", 0.01)
+
+
+def test_an_error_of_a_distance_to_a_check_point_shows_whole_and_is_not_in_the_block(stated):
+    (length,) = stated.statement.check_distances
+    assert (length.point, length.redundancy, length.effect) == ("A to K1", 1.0, 0.0)
+    assert length.detectable == pytest.approx(4.13 * length.sigma)
 
 
 def test_a_block_without_control_has_an_empty_table():

@@ -38,18 +38,19 @@ def state_adjustment(block: Block, ground: GroundResiduals, precision: BlockPrec
     """All that an authority asks for beyond the figures of the block."""
     cameras = tuple(found for name, camera in sorted(block.cameras.items()) if (found := _interior(name, camera)))
     control, positions = ([one for row in ground.of_role(role) for one in _surveyed(row)] for role in ("control", "position"))
-    distances = [one for row in ground.distances for one in _measured(row)]
+    distances, checks = ([one for d in ground.distances if d.role == role for one in _measured(d)] for role in ("control", "check"))
     statement = AdjustmentStatement(
         cameras=cameras,
         groups=precision.groups,
         control=tuple(control),
         distances=tuple(distances),
+        check_distances=tuple(checks),
         gnss_shift=precision.gnss_shift,
         gnss_shift_sigma=precision.gnss_shift_sigma,
         gnss_offsets=precision.offsets,
         lever_arms=precision.lever_arms or _only_arm(precision),
     )
-    surveyed = _columns({"control": control, "position": positions, "distance": distances})
+    surveyed = _columns({"control": control, "position": positions, "distance": distances, "check distance": checks})
     return StatedAdjustment(statement, _exterior(block), _pairs(cameras), surveyed)
 
 
@@ -100,9 +101,12 @@ def _surveyed(residual: GroundResidual) -> list[SurveyedReliability]:
 
 
 def _measured(residual: DistanceResidual) -> list[SurveyedReliability]:
+    name = f"{residual.first} to {residual.second}"
+    if residual.role == "check":
+        return [_reliability(name, "length", residual.predicted, 1.0)]
     if residual.redundancy is None or residual.sigma is None:
         return []
-    return [_reliability(f"{residual.first} to {residual.second}", "length", residual.sigma, residual.redundancy)]
+    return [_reliability(name, "length", residual.sigma, residual.redundancy)]
 
 
 def _reliability(name: str, axis: str, sigma: float, share: float) -> SurveyedReliability:

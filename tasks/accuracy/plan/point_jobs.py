@@ -57,7 +57,7 @@ class PointJobs:
             stage="accuracy",
             item="points",
             function=collect_tests,
-            reads={"tests": tuple(tables)},
+            reads={"tests": tuple(tables), "ground": GROUND_RESIDUALS},
             writes={"tests": POINT_TESTS},
             params={"area_km2": area},
         )

@@ -112,6 +112,11 @@ def _evidence(statement: AccuracyStatement) -> Iterator[Evidence]:
 
 def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
     yield Figure(name="level", value=statement.level, sentence="tested by independent points, or promised only.")
+    if found := statement.distances:
+        yield Figure(name="distances_scale", value=round(found.scale, 1), unit="ppm", sentence=found.sentence)
+        yield Figure(
+            name="distances_fit", value=round(found.fit, 4), unit="m", sentence="Root mean square of block minus distance."
+        )
     for figure in statement.figures:
         name, words = figure.kind, _WORDS[figure.kind]
         rest = (

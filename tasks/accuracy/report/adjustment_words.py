@@ -81,7 +81,7 @@ def _too_sure(kind: KeptPromises) -> str:
 def adjustment_grids(adjustment: AdjustmentStatement) -> Iterator[Grid]:
     """A correlation matrix for each camera, and the reliability of control and distances."""
     yield from map(_interior_grid, adjustment.cameras)
-    surveyed = (*adjustment.control, *adjustment.distances)
+    surveyed = (*adjustment.control, *adjustment.distances, *adjustment.check_distances)
     if surveyed:
         yield _surveyed_grid(surveyed)
 
@@ -94,8 +94,9 @@ def _surveyed_grid(surveyed: tuple[SurveyedReliability, ...]) -> Grid:
             (c.point, c.axis, c.sigma, round(c.redundancy, 3), _millimetres(c.detectable), _millimetres(c.effect)) for c in surveyed
         ),
         note="Smallest error found: 4.13 sigma / sqrt(r), by a test at 0.1 % with 80 % probability (Baarda). Its effect: (1 - r) "
-        "times that on the adjusted coordinate or length. GNSS positions: products/surveyed_reliability.csv; groups of "
-        "observations: the table of the orientation, and products/adjustment.json.",
+        "times that on the adjusted coordinate or length; distances to check points have none, for they take no part. GNSS "
+        "positions: products/surveyed_reliability.csv; groups of observations: the table of the orientation, and "
+        "products/adjustment.json.",
     )
 
 

@@ -7,13 +7,15 @@ import numpy as np
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement, NamedError
 from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
+from orthomill.schemas.orientation import GroundResiduals
 from orthomill.tasks.accuracy.statement.named_errors import heights_in_feet, named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
+from orthomill.tasks.accuracy.statement.tested_distances import tested_distances
 
 
-def collect_tests(tests: tuple[PointTest, ...], area_km2: float) -> PointTests:
-    """All points in one table."""
-    return PointTests(points=tests, area_km2=area_km2)
+def collect_tests(tests: tuple[PointTest, ...], ground: GroundResiduals, area_km2: float) -> PointTests:
+    """All points in one table, and the distances to them."""
+    return PointTests(points=tests, distances=tuple(d for d in ground.distances if d.role == "check"), area_km2=area_km2)
 
 
 def statement_of(tests: PointTests) -> AccuracyStatement:
@@ -22,6 +24,7 @@ def statement_of(tests: PointTests) -> AccuracyStatement:
     return AccuracyStatement(
         figures=figures,
         named=_named(tests.points),
+        distances=tested_distances(tests.distances),
         untested=tuple(_untested(tests.points)),
         level="tested" if figures else "promised",
     )
