@@ -65,15 +65,16 @@ single points and photographs, or a precision that is stated."""
 
 def block_doubts(facts: Facts) -> Iterator[str]:
     """Sentences that are among the warnings, the gravest first."""
-    # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum that
-    # is the least of it.
+    # Control that was left out for its place or its heights leaves the block without what its user relies on; without a datum, or
+    # with all of it read in another way, that is the least of it.
     control = [finding.sentence for finding in facts.control.findings if finding.grave]
     told = told_findings(facts.control, facts.precision)
     graver = [finding for finding in told if isinstance(finding, GRAVE) and not _is_minor(finding)]
     found = list(finding_sentences(sorted(graver, key=lambda finding: GRAVE.index(type(finding)))))
     # What explains that they do not fit has been told by then.
     found += [worse.sentence for worse in worse_than_stated(facts) if worse.factor >= CONTRADICTED]
-    yield from (*found, *control) if any(isinstance(finding, NoDatum) for finding in graver) else (*control, *found)
+    whole = any(isinstance(finding, NoDatum | MarksInAnotherFrame) for finding in graver)
+    yield from (*found, *control) if whole else (*control, *found)
 
 
 def _is_minor(finding: BlockFinding) -> bool:
