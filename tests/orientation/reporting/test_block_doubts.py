@@ -6,7 +6,9 @@ import pytest
 
 from orthomill.schemas.findings.camera_findings import ConstantContradicted
 from orthomill.schemas.findings.contradiction_findings import ConstantOfItsOwn, OffsetAdjusted, UnitContradicted
+from orthomill.schemas.findings.control_findings import HeightsAllZero
 from orthomill.schemas.findings.datum_findings import AxesExchanged, BlockBent, NoDatum
+from orthomill.schemas.findings.observation_findings import MarksInAnotherFrame
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.tasks.orientation.report.block_doubts import GRAVE, block_doubts
 
@@ -69,6 +71,16 @@ def test_control_that_the_block_contradicts_is_a_doubt_and_scatter_is_none():
     assert "good to 0.69 m, not the 0.03 m stated" in told
     feet = UnitContradicted(unit="feet", heights_only=True, given_m=300.0, fits_m=0.1)
     assert not any("worse than stated" in told for told in block_doubts(facts_of(feet, control=control, control_factor=23.0)))
+
+
+def test_how_all_marks_were_read_comes_before_what_was_left_out_of_them():
+    left_out = Control(findings=(HeightsAllZero(points=5),))
+    read = MarksInAnotherFrame(
+        counted="from the lower left corner", change="...", factor=1.0, given_px=300.0, found_px=1.0, points=4
+    )
+    bent = UnitContradicted(unit="feet", heights_only=True, given_m=300.0, fits_m=0.1)
+    assert "are counted from the lower left corner" in next(block_doubts(facts_of(read, control=left_out)))
+    assert "height 0" in next(block_doubts(facts_of(bent, control=left_out)))
 
 
 def test_positions_that_the_block_contradicts_are_a_doubt():
