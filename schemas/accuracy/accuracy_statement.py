@@ -76,7 +76,7 @@ class AccuracyFigure(_Stated):
 class NamedError(_Stated):
     """An error that all differences share, named for what it is."""
 
-    kind: Literal["feet", "shift_up", "tilt", "dome", "shift_plan", "turn", "scale"]
+    kind: Literal["feet", "shift_up", "tilt", "dome", "scale_up", "shift_plan", "turn", "scale"]
     size: float
     """m: what it does at most within the points"""
     sigma: float

@@ -32,6 +32,23 @@ def test_an_error_is_named_for_what_it_is(kind, height, plan, words):
     assert found[0].size > 5 * found[0].sigma
 
 
+def test_a_scale_of_heights_is_named_where_the_ground_has_relief():
+    ground = 20.0 * np.sin(np.arange(20.0) ** 2)
+    (scaled,) = named_errors(PLACES, NOISE + 0.03 * (ground - ground.mean()), FLAT, ground=ground)
+    assert scaled.kind == "scale_up" and "Heights are scaled: their differences are 3 % too large" in scaled.sentence
+    slope = ground + 30 * UNIT[:, 0]
+    (sloping,) = named_errors(PLACES, NOISE + 0.03 * (slope - slope.mean()), FLAT, ground=slope)
+    assert sloping.kind == "scale_up", "what a sloping ground makes of a scale is no tilt"
+    tilt, scale = named_errors(PLACES, NOISE + 0.03 * (ground - ground.mean()) + 2 * UNIT[:, 0], FLAT, ground=ground)
+    assert (tilt.kind, scale.kind) == ("tilt", "scale_up")
+
+
+def test_errors_of_the_survey_on_level_ground_are_no_scale():
+    survey = RNG.normal(0, 0.05, 20)
+    height = RNG.normal(0, 0.03, 20) - survey
+    assert not named_errors(PLACES, height, FLAT, (0.05, 0.05), ground=survey)
+
+
 def test_noise_alone_has_no_name():
     none = [named_errors(PLACES, RNG.normal(0, 0.05, 20), RNG.normal(0, 0.05, (20, 2))) for _ in range(60)]
     assert sum(map(len, none)) <= 3

@@ -1,7 +1,8 @@
 """Errors that all differences at check points share, named for what they are: shift, tilt, dome, scale, turn.
 
-Heights follow 1, x, y and the square of the distance from the middle, without their means, so that a dome is no shift; plan
-follows a similarity. A part is named where it is beyond chance (t-test, 99.9 %) by the noise that all parts together leave.
+Heights follow 1, x, y and the square of the distance from the middle, without their means, so that a dome is no shift, and the
+heights of the ground, where its relief shows what no plane or bowl does; plan follows a similarity. A part is named where it is
+beyond chance (t-test, 99.9 %) by the noise that all parts together leave.
 """
 
 import math
@@ -15,6 +16,8 @@ from orthomill.tasks.geometry.coordinate_ranges import FOOT, in_feet
 
 _SURE = 0.9995
 """two-sided 99.9 %"""
+_LEAST_RELIEF = 20.0
+"""times the scatter of the differences: an error of a surveyed height is in the difference as well, and looks like a scale"""
 _LEAST_IN_FEET = 3
 """points at which feet are no chance: a shift explains one, and two by luck"""
 _COMPASS = ("east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east")
@@ -50,15 +53,17 @@ def named_errors(
     plan: np.ndarray,
     survey: tuple[float, float] = (0.0, 0.0),
     promised: tuple[float | None, float | None] = (None, None),
+    ground: np.ndarray | None = None,
 ) -> tuple[NamedError, ...]:
     """What the differences share, the largest first.
 
     places (N, 2) X, Y m; height (N,) and plan (N, 2) differences m, NaN where they were not tested; survey: standard errors of the
     survey in a plan coordinate and in height, m: the differences scatter by chance no less than that; promised: standard errors, m,
-    of the place of the block at the points, in plan (radial) and in height, with which each error is compared.
+    of the place of the block at the points, in plan (radial) and in height, with which each error is compared; ground (N,): the
+    surveyed heights, m, without which no scale of heights is looked for.
     """
     in_plan, in_height = promised
-    found = [_compared(error, in_height) for error in _of_heights(places, height, survey[1])]
+    found = [_compared(error, in_height) for error in _of_heights(places, height, survey[1], ground)]
     found += [_compared(error, in_plan) for error in _of_plan(places, plan, survey[0])]
     return tuple(sorted(found, key=lambda error: -error.size))
 
@@ -116,7 +121,7 @@ def _about_middle(places: np.ndarray) -> tuple[np.ndarray, float]:
     return away / reach, reach
 
 
-def _of_heights(places: np.ndarray, height: np.ndarray, survey: float) -> list[NamedError]:
+def _of_heights(places: np.ndarray, height: np.ndarray, survey: float, ground: np.ndarray | None) -> list[NamedError]:
     known = np.isfinite(height)
     if known.sum() < 4:
         return []
@@ -128,10 +133,14 @@ def _of_heights(places: np.ndarray, height: np.ndarray, survey: float) -> list[N
     if fit is None:
         return []
     found = []
+    if ground is not None and (scaled := _scaled_heights(fit.design, ground[known], dh, survey)):
+        fit, error = scaled
+        bent = bent and fit
+        found.append(error)
     if fit.sure([0]):
         side = "high" if fit.value[0] > 0 else "low"
         found.append(_error("shift_up", fit, [0], f"The surface as a whole lies {{size}} too {side}"))
-    if len(fit.value) > 2 and fit.sure([1, 2]):
+    if fit.design.shape[1] > 2 and fit.sure([1, 2]):
         size = 2 * math.hypot(fit.value[1], fit.value[2])
         way = _COMPASS[round(math.atan2(fit.value[2], fit.value[1]) / (math.pi / 4)) % 8]
         words = (
@@ -142,6 +151,26 @@ def _of_heights(places: np.ndarray, height: np.ndarray, survey: float) -> list[N
         shape = "bowl-shaped: its middle lies {size} too low" if bent.value[3] > 0 else "domed: its middle lies {size} too high"
         found.append(_error("dome", bent, [3], f"The surface is {shape} against its edges"))
     return found
+
+
+def _scaled_heights(
+    design: np.ndarray, ground: np.ndarray, difference: np.ndarray, survey: float
+) -> tuple[_ErrorFit, NamedError] | None:
+    """A scale of heights, and the fit of all parts beside it; None where there is none, or too little relief to tell."""
+    relief = ground - design @ np.linalg.lstsq(design, ground, rcond=None)[0]
+    away = ground - ground.mean()
+    reach = float(np.abs(away).max()) or 1.0
+    fit = _fitted(np.column_stack([design, away / reach]), difference, survey)
+    if fit is None:
+        return None
+    last = design.shape[1]
+    scatter = max(float((difference - fit.design @ fit.value).std()), survey)
+    if not fit.sure([last]) or relief.std() < _LEAST_RELIEF * scatter:
+        return None
+    large = "large" if fit.value[last] > 0 else "small"
+    percent = 100 * abs(fit.value[last]) / reach
+    words = f"Heights are scaled: their differences are {percent:.2g} % too {large}, {{size}} at the point farthest from their mean"
+    return fit, _error("scale_up", fit, [last], words)
 
 
 def _of_plan(places: np.ndarray, plan: np.ndarray, survey: float) -> list[NamedError]:

@@ -77,7 +77,7 @@ def _named(points: tuple[PointTest, ...]) -> tuple[NamedError, ...]:
     feet = heights_in_feet(surveyed, surveyed + height, survey[1])
     # Feet leave what looks like a shift and a tilt of the whole: the cause is told alone.
     named = named_errors(
-        places, height * math.nan if feet else height, plan, survey, (_promised_place(points), _promised_datum(points))
+        places, height * math.nan if feet else height, plan, survey, (_promised_place(points), _promised_datum(points)), surveyed
     )
     return (feet, *named) if feet else named
 
