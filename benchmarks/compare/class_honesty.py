@@ -1,7 +1,7 @@
-"""Standard errors of windows that know no walls, by class of ground: `python -m benchmarks class_honesty TOWN SECOND_TOWN`.
+"""Standard errors of windows that know no walls, by class: `python -m benchmarks class_honesty TOWN SECOND_TOWN SMALL_TOWN`.
 
 The constants of these standard errors were set on the centre of the first town. The part west of it and the second town, which has
-other streets, roofs, trees and cameras, took no part in that.
+other streets, roofs, trees and cameras, took no part in that. Nor did the middle of the small town, of six photographs.
 """
 
 from typing import Any
@@ -77,11 +77,12 @@ def page(scenes: dict[str, Scene]) -> str:
 
 
 def main(words: list[str]) -> None:
-    """Write the page from the finished runs of the two towns."""
-    first, second = run_folders(words, "volos", "volos_second")
+    """Write the page from the finished runs of the three towns."""
+    first, second, small = run_folders(words, "volos", "volos_second", "volos_small")
     parts = {
         "first town, centre (constants set here)": town(first),
         "first town, west of it": town(first, (0.4, 0.5)),
         "second town": town(second),
+        "small town": town(small),
     }
     write_page("class_honesty", words, page(parts))

@@ -356,8 +356,8 @@ _ALL = (
         "standard errors of windows by class of ground",
         "minutes",
         SURFACE,
-        f"{RUN} of volos and volos_second",
-        "[RUN RUN]",
+        f"{RUN} of volos, volos_second and volos_small",
+        "[RUN RUN RUN]",
     ),
     Study(
         "guided",

@@ -242,6 +242,13 @@ def test_a_surface_from_lines_is_judged_like_any_other():
     assert all(words in " ".join(found.losses) for words in ("Only 60 %", "a correlation of 0.12", "40 % of the 100 tie points"))
 
 
+def test_windows_that_know_no_walls_make_no_good_surface_and_say_why():
+    found = surface_report(SURFACE, cells(), ties(), wall_blind=True)
+    assert surface_report(SURFACE, cells(), ties()).verdict.level == "good" and found.verdict.level == "fair"
+    assert "do not hold on roofs" in found.verdict.sentence and any("know no walls" in words for words in found.losses)
+    assert surface_report(SURFACE, cells(), ties(40), wall_blind=True).verdict.level == "poor"
+
+
 def test_tie_points_are_compared_with_the_heights_of_their_own_cells():
     grid = MapGrid(west=0.0, north=8.0, cell=1.0, rows=8, cols=8)
     height = np.zeros((8, 8), np.float32)

@@ -176,7 +176,14 @@ def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...],
     reads = {**_read_of_pairs(pairs), **(more or {})}
     if isinstance(asked.matching, PairStrategy) and asked.matching.assigned is not None:
         reads["windows"] = tuple(windows_table(pair.name) for pair in pairs)
-    return Job(stage=asked.kind, item="report", function=report, reads=reads, writes={"report": report_table(asked.kind)})
+    return Job(
+        stage=asked.kind,
+        item="report",
+        function=report,
+        reads=reads,
+        writes={"report": report_table(asked.kind)},
+        params={"wall_blind": isinstance(asked.matching, PairStrategy)},
+    )
 
 
 def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:

@@ -46,10 +46,13 @@ def report(
     differences: MatchingDifferences = NO_DIFFERENCES,
     windows: tuple[AssignedWindows, ...] = (),
     water: WaterLevels = NO_WATER,
+    wall_blind: bool = False,
 ) -> StageReport:
     """The report of a surface from pairs; `matching`, and `windows` where a share of the points was to get one, in their order;
-    differences: of those without a common photograph; water: what is outlined."""
-    whole, warnings = surface_report(surface, cells, ties), (*_matching_warnings(pairs, matching), *_water_warnings(water))
+    differences: of those without a common photograph; water: what is outlined; wall_blind: whether
+    windows know no walls."""
+    whole = surface_report(surface, cells, ties, wall_blind=wall_blind)
+    warnings = (*_matching_warnings(pairs, matching), *_water_warnings(water))
     return whole.model_copy(
         update={
             "losses": (*whole.losses, *warnings),

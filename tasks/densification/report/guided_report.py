@@ -22,7 +22,7 @@ def guided_report(
     settings: Guided,
 ) -> StageReport:
     """The report of the pairs with a table of the levels."""
-    whole = report(pairs, surface, matching, cells, ties)
+    whole = report(pairs, surface, matching, cells, ties, wall_blind=True)
     figures = (
         Figure(name="guided_points", value=levels[-1].kept, sentence="Points of the densest model, without spikes."),
         Figure(

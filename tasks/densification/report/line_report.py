@@ -33,7 +33,7 @@ _PRODUCTS = (
 
 def line_report(surface: Surface, lines: LineStatistics, cells: SurfaceStatistics, ties: TieCounts) -> StageReport:
     """The report of a surface from vertical lines."""
-    whole, values = surface_report(surface, cells, ties, _OF_PAIRS), _line_values(lines)
+    whole, values = surface_report(surface, cells, ties, _OF_PAIRS, wall_blind=True), _line_values(lines)
     warnings = tuple(_warnings(values))
     rows = tuple((outcome.sentence, lines.outcomes[outcome]) for outcome in Outcome if lines.outcomes[outcome])
     return whole.model_copy(

@@ -42,6 +42,11 @@ _OFF, _MOSTLY_OFF = 0.1, 0.2
 in doubt: below leaves and beside walls some always do"""
 _COARSE = 1.0
 """pixels of parallax: a surface whose heights are stated to be less precise is usable within limits"""
+_WALL_BLIND = (
+    "This way of matching compares windows that know no walls. Its standard errors are too large on open ground, and on roofs, "
+    "beside walls and at trees some heights are wrong by many of them: do not rely on that of a single height there. The windows "
+    "of the default (object_space) keep to one surface."
+)
 _OF_A_PIXEL = 4
 """classes of distances of tie points that a pixel of parallax is wide"""
 _AREAS = (("km²", 1e6, 1e6), ("ha", 1e3, 1e4), ("m²", 0.0, 1.0))
@@ -95,16 +100,20 @@ _PRODUCTS = (
 )
 
 
-def surface_report(surface: Surface, cells: SurfaceStatistics, ties: TieCounts, without: tuple[str, ...] = ()) -> StageReport:
-    """The parts that every surface has; without: names of figures that its way of matching does not know."""
+def surface_report(
+    surface: Surface, cells: SurfaceStatistics, ties: TieCounts, without: tuple[str, ...] = (), wall_blind: bool = False
+) -> StageReport:
+    """The parts that every surface has; without: names of figures that its way of matching does not know; wall_blind: whether its
+    windows know no walls, so that standard errors do not hold place by place."""
     values = _surface_values(surface, cells, ties)
     warnings = tuple(_surface_warnings(cells, ties, median_height_error(cells.precision, surface.grid.cell)))
+    verdict = _verdict(cells, surface, ties)
     return StageReport(
-        verdict=_verdict(cells, surface, ties),
+        verdict=_of_wall_blind(verdict) if wall_blind else verdict,
         answers=tuple(_answers(cells, surface)),
         products=_PRODUCTS,
         doubts=tuple(_doubts(cells, ties, warnings)),
-        losses=warnings,
+        losses=(*warnings, _WALL_BLIND) if wall_blind else warnings,
         figures=tuple(figures_of(SURFACE_FIGURES, values, without)),
         grids=(_provenance_grid(cells),),
         charts=(_precision_chart(surface, cells),),
@@ -230,6 +239,13 @@ def _verdict(cells: SurfaceStatistics, surface: Surface, ties: TieCounts) -> Ver
     precise = "" if precision is None else f", to {precision:.2g} m among their neighbours (median standard error)"
     tested = f" Of {ties.points} tie points {100 * off:.0f} % contradict them." if off > _OFF else ""
     return Verdict(level=level, sentence=f"{words}{precise}; {100 * estimated:.0f} % are estimates.{tested}", weighs=True)
+
+
+def _of_wall_blind(verdict: Verdict) -> Verdict:
+    """Never good: what is stated of single heights does not hold where something rises or falls."""
+    level = "fair" if verdict.level == "good" else verdict.level
+    sentence = f"{verdict.sentence.rstrip('.')}. Standard errors do not hold on roofs, beside walls and at trees."
+    return verdict.model_copy(update={"level": level, "sentence": sentence})
 
 
 def _off(ties: TieCounts) -> float:
