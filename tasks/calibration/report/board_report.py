@@ -84,7 +84,9 @@ def _answers(results: CalibrationResults) -> Iterator[Answer]:
         apart = f"c differs by {abs(float(check.difference[0])):.2g} px"
         most = f"at most {ratio:.2g} of their standard errors, in {parameter}"
         # Halves that choose lenses of other kinds agree in c, and not in the principal point.
-        yield Answer(topic=Topic.CAMERA_CHECK, text=f"{apart}; {most}; x0 and y0 are those of this kind of lens: another moves them")
+        yield Answer(
+            topic=Topic.CAMERA_CHECK, text=f"{apart}; {most}; x0 and y0 are those of this kind of lens: another moves them"
+        )
     else:
         yield Answer(topic=Topic.CAMERA_CHECK, text="not made: too few photographs")
 
