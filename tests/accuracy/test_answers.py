@@ -14,7 +14,7 @@ from orthomill.tasks.accuracy.answers.error_correlation import ErrorCorrelation,
 from orthomill.tasks.accuracy.answers.line_answers import bilinear_weights, spot_height
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
 from orthomill.tasks.accuracy.answers.measuring import measure
-from orthomill.tasks.accuracy.answers.polygon_volumes import area_of, inside_share, volume_of
+from orthomill.tasks.accuracy.answers.polygon_volumes import area_of, crosses_itself, inside_share, volume_of
 
 RNG = np.random.default_rng(11)
 SMOOTH = 3.0
@@ -160,6 +160,14 @@ def test_what_lies_in_a_hole_is_not_part_of_a_polygon():
 def test_what_lies_elsewhere_is_said_so():
     with pytest.raises(GeometryError, match="far lies outside"):
         measure(Ramp(), (DrawnFeature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())
+
+
+def test_an_outline_that_crosses_itself_is_refused_and_one_that_touches_itself_is_not():
+    bow = np.array([[1010.0, 1910.0], [1050.0, 1950.0], [1050.0, 1910.0], [1010.0, 1950.0]])
+    with pytest.raises(GeometryError, match="bow crosses itself"):
+        measure(Ramp(), (DrawnFeature("bow", "polygon", bow),), MeasureRules())
+    touching = np.array([[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]])
+    assert not crosses_itself(touching) and not crosses_itself(touching[::-1]) and crosses_itself(bow)
 
 
 def test_a_height_in_a_large_part_is_that_of_its_four_cells():

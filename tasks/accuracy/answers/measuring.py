@@ -21,7 +21,7 @@ from orthomill.tasks.accuracy.answers.datum_lattice import datum_lattice
 from orthomill.tasks.accuracy.answers.error_correlation import LEAST, SIDES, ErrorCorrelation, correlation_from, window_products
 from orthomill.tasks.accuracy.answers.line_answers import line_answer, profile_places, spot_height
 from orthomill.tasks.accuracy.answers.linear_answer import SurfacePart, error_of
-from orthomill.tasks.accuracy.answers.polygon_volumes import VolumeAnswer, area_of, inside_share, volume_of
+from orthomill.tasks.accuracy.answers.polygon_volumes import VolumeAnswer, area_of, crosses_itself, inside_share, volume_of
 
 WINDOWS = 196
 """windows, spread over the surface, in which smooth ground is looked for"""
@@ -30,7 +30,8 @@ MOST_CELLS = 40_000_000
 
 
 def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: MeasureRules) -> MeasuredAnswers:
-    """All answers about all features. Raises GeometryError for a feature that is too large or lies off the surface."""
+    """All answers about all features. Raises GeometryError for a feature that is too large, crosses itself or lies
+    off the surface."""
     correlation = surface_correlation(surface)
     answers: list[SurfaceAnswer] = []
     profiles: list[ProfilePoint] = []
@@ -154,6 +155,8 @@ def _polygon(
     correlation: ErrorCorrelation,
     rules: MeasureRules,
 ) -> Iterator[SurfaceAnswer]:
+    if crosses_itself(feature.places):
+        raise GeometryError(f"The outline of {feature.name} crosses itself, so that it has no area; draw each of its parts.")
     grid = surface.grid
     share, *taken_out = (inside_share(_pixels(grid, window, ring), window.shape) for ring in (feature.places, *feature.holes))
     # Holes are subtracted from what is left: where drawings cross, nothing is taken out twice.

@@ -125,3 +125,21 @@ def area_of(ring: np.ndarray, sigma: float) -> tuple[float, float]:
     after, before = np.roll(ring, -1, axis=0), np.roll(ring, 1, axis=0)
     area = 0.5 * abs(float((ring[:, 0] * after[:, 1] - after[:, 0] * ring[:, 1]).sum()))
     return area, 0.5 * sigma * float(np.sqrt(((after - before) ** 2).sum()))
+
+
+def crosses_itself(ring: np.ndarray) -> bool:
+    """Whether two sides of a polygon cross: it then encloses parts on both hands, whose areas take each other away; ring (N, 2)."""
+    ends = np.roll(ring, -1, axis=0)
+    for k in range(len(ring) - 2):
+        # A side against those after its neighbour: touching ends are no crossing.
+        first, last, starts, stops = ring[k], ends[k], ring[k + 2 :], ends[k + 2 :]
+        apart = _side(first, last, starts) * _side(first, last, stops) < 0
+        if (apart & (_side(starts, stops, first) * _side(starts, stops, last) < 0)).any():
+            return True
+    return False
+
+
+def _side(first: np.ndarray, last: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """-1, 0 or 1: on which side of the line from `first` to `last` places (..., 2) lie."""
+    along, to = last - first, place - first
+    return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
