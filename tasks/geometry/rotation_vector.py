@@ -14,6 +14,13 @@ def skew(v: np.ndarray) -> np.ndarray:
     return matrix
 
 
+def motion_derivatives(lever: np.ndarray) -> np.ndarray:
+    """(..., 3, 7): how places move that lie `lever` (..., 3) from the middle of a body, by the body's shift, its rotation vector
+    and the logarithm of its scale."""
+    shift = np.broadcast_to(np.eye(3), (*lever.shape, 3))
+    return np.concatenate([shift, -skew(lever), lever[..., None]], axis=-1)
+
+
 def rotation_of_vector(w: np.ndarray) -> np.ndarray:
     """exp([w]x): the rotation by |w| radians about w (Rodrigues)."""
     angle = float(np.linalg.norm(w))

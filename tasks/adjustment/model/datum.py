@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.adjustment.model.robust_weights import huber_cost, huber_weights
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, summed
-from orthomill.tasks.geometry.rotation_vector import skew
+from orthomill.tasks.geometry.rotation_vector import motion_derivatives, skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,16 +214,9 @@ def freedoms(network: Network, state: State) -> np.ndarray:
     H = np.zeros((network.unknowns, 7))
     # Lever arms from the centroid keep the seven columns of one size, and the rotations nearly orthogonal to the shifts.
     middle = state.centre.mean(axis=0)
-    for photo in range(network.photos):
-        _add_freedom(H, 6 * photo + np.arange(3), state.centre[photo] - middle)
-        # Rotations of a photograph are in its image system, those of the block in the world; they act with opposite sign.
-        H[6 * photo + 3 : 6 * photo + 6, 3:6] = -state.rotation[photo]
-    for columns, point in zip(network.kept_columns, network.kept, strict=True):
-        _add_freedom(H, columns, state.point[point] - middle)
+    centres = 6 * np.arange(network.photos)[:, None] + np.arange(3)
+    H[centres] = motion_derivatives(state.centre - middle)
+    # Rotations of a photograph are in its image system, those of the block in the world; they act with opposite sign.
+    H[centres + 3, 3:6] = -state.rotation
+    H[network.kept_columns] = motion_derivatives(state.point[network.kept] - middle)
     return H[:, : network.freedoms]
-
-
-def _add_freedom(H: np.ndarray, rows: np.ndarray, lever: np.ndarray) -> None:
-    H[rows, :3] = np.eye(3)
-    H[rows, 3:6] = -skew(lever)
-    H[rows, 6] = lever

@@ -21,7 +21,7 @@ from orthomill.tasks.adjustment.model.datum import (
     vertical_residuals,
 )
 from orthomill.tasks.adjustment.model.network import Network, State
-from orthomill.tasks.geometry.rotation_vector import rotation_of_vector, skew
+from orthomill.tasks.geometry.rotation_vector import motion_derivatives, rotation_of_vector, skew
 
 _IMPOSSIBLE = (
     "Positions, control and photographs contradict each other so much that the block has no place: look for a position or control "
@@ -63,18 +63,12 @@ def motion_in(state: State, centre: np.ndarray, turn: np.ndarray) -> WholeMotion
     vectors (P, 3) in the image systems."""
     middle, size = _extent(state)
     # Every photograph shows the motion twice: by how its centre moves, and by how it turns in the world.
-    by_centre = _moves(state.centre - middle, size)
+    by_centre = motion_derivatives((state.centre - middle) / size)
     by_turn = np.zeros_like(by_centre)
     by_turn[:, :, 3:6] = np.eye(3)
-    A = np.concatenate([by_centre / size, by_turn]).reshape(-1, 7)
+    A = np.concatenate([by_centre, by_turn]).reshape(-1, 7)
     seen = np.concatenate([centre / size, -np.einsum("pji,pj->pi", state.rotation, turn)]).ravel()
     return WholeMotion(np.linalg.lstsq(A, seen, rcond=1e-10)[0], middle, size)
-
-
-def _moves(lever: np.ndarray, size: float) -> np.ndarray:
-    """(n, 3, 7) derivatives of places with these levers (n, 3) m about the middle by the numbers of a motion."""
-    shift = np.broadcast_to(size * np.eye(3), (len(lever), 3, 3))
-    return np.concatenate([shift, -skew(lever), lever[:, :, None]], axis=2)
 
 
 def _extent(state: State) -> tuple[np.ndarray, float]:
@@ -137,18 +131,20 @@ class _Known:
     def derivatives(self, state: State, middle: np.ndarray, size: float) -> np.ndarray:
         """(r, 7) derivatives of the misfits by the numbers of a motion of the state."""
         arm = antennas(self.network, replace(state, shift=np.zeros_like(state.shift))) - state.centre
-        position = _moves(state.centre - middle, size)
+        position = motion_derivatives(state.centre - middle)
         position[:, :, 3:6] -= skew(arm)  # a lever arm turns with the block and does not grow with it
         first, second = self.network.distances.ends.T
         distance = np.zeros((len(self.by_distance), 7))
         distance[:, 6] = np.linalg.norm(state.point[second] - state.point[first], axis=1)
         parts = [
             self.by_centre[:, :, None] * position,
-            self.by_point[:, :, None] * _moves(state.point[self.surveyed] - middle, size),
+            self.by_point[:, :, None] * motion_derivatives(state.point[self.surveyed] - middle),
             self.by_vertical[:, :, None] * self._tilts(state) if self.by_vertical.any() else np.zeros((0, 7)),
             self.by_distance[:, None] * distance,
         ]
-        return -np.concatenate([part.reshape(-1, 7) for part in parts])
+        J = -np.concatenate([part.reshape(-1, 7) for part in parts])
+        J[:, :3] *= size
+        return J
 
     def _tilts(self, state: State) -> np.ndarray:
         """(P, 3, 7) derivatives of the negative residuals of verticals."""

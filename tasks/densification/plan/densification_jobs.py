@@ -1,6 +1,6 @@
 """The jobs of the stage by each of its methods: what is matched, the surface from it, and the report."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import ProjectView
-from orthomill.schemas.stage_report import report_table
+from orthomill.schemas.stage_report import StageReport, report_table
 from orthomill.schemas.surface import SURFACE, Surface
 from orthomill.tasks.densification.line_locus.locus_block import LocusScene
 from orthomill.tasks.densification.line_locus.locus_surface import make_line_surface
@@ -129,14 +129,7 @@ def _guided(asked: DensificationStage, view: ProjectView, surface: Surface, matc
     source = _nodes_of_pairs(view, surface, matching.pixels.step, matching.pixels.correlation.template)
     yield from _tiles(asked, view).jobs(source, pairs)
     reads = {**_read_of_pairs(pairs), "levels": tuple(level_table(level.number) for level in matching.levels)}
-    yield Job(
-        stage=asked.kind,
-        item="report",
-        function=guided_report,
-        reads=reads,
-        writes={"report": report_table(asked.kind)},
-        params={"settings": matching},
-    )
+    yield _report(asked, guided_report, reads, settings=matching)
 
 
 def _lines(asked: DensificationStage, view: ProjectView, surface: Surface, matching: VerticalLineLocus) -> _Plan:
@@ -155,7 +148,7 @@ def _lines(asked: DensificationStage, view: ProjectView, surface: Surface, match
     )
     yield from _tiles(asked, view).jobs(source, view.table(PAIRS).pairs)
     reads: dict[str, Reading] = {"surface": SURFACE, "lines": LINES, "cells": CELLS, "ties": TIES}
-    yield Job(stage=asked.kind, item="report", function=line_report, reads=reads, writes={"report": report_table(asked.kind)})
+    yield _report(asked, line_report, reads)
 
 
 def _nodes_of_pairs(view: ProjectView, surface: Surface, step: int, window: int, reach: int = 1) -> SurfaceSource:
@@ -176,14 +169,13 @@ def _report_of_pairs(asked: DensificationStage, pairs: tuple[EpipolarPair, ...],
     reads = {**_read_of_pairs(pairs), **(more or {})}
     if isinstance(asked.matching, PairStrategy) and asked.matching.assigned is not None:
         reads["windows"] = tuple(windows_table(pair.name) for pair in pairs)
-    return Job(
-        stage=asked.kind,
-        item="report",
-        function=report,
-        reads=reads,
-        writes={"report": report_table(asked.kind)},
-        params={"wall_blind": isinstance(asked.matching, PairStrategy)},
-    )
+    return _report(asked, report, reads, wall_blind=isinstance(asked.matching, PairStrategy))
+
+
+def _report(asked: DensificationStage, function: Callable[..., StageReport], reads: dict[str, Reading], **params: Any) -> Job:
+    """The job that reports the surface; params: what else its function takes."""
+    writes = {"report": report_table(asked.kind)}
+    return Job(stage=asked.kind, item="report", function=function, reads=reads, writes=writes, params=params)
 
 
 def _read_of_pairs(pairs: tuple[EpipolarPair, ...]) -> dict[str, Reading]:

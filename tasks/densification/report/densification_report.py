@@ -49,8 +49,7 @@ def report(
     wall_blind: bool = False,
 ) -> StageReport:
     """The report of a surface from pairs; `matching`, and `windows` where a share of the points was to get one, in their order;
-    differences: of those without a common photograph; water: what is outlined; wall_blind: whether
-    windows know no walls."""
+    differences: of those without a common photograph; water: what is outlined; wall_blind: whether windows know no walls."""
     whole = surface_report(surface, cells, ties, wall_blind=wall_blind)
     warnings = (*_matching_warnings(pairs, matching), *_water_warnings(water))
     return whole.model_copy(

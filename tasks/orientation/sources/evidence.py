@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from orthomill.tasks.geometry.rotation_vector import vectors_of_rotations
+from orthomill.tasks.geometry.rotation_vector import motion_derivatives, vectors_of_rotations
 from orthomill.tasks.orientation.sources.elevation_model import ElevationModel
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
@@ -93,21 +93,10 @@ def equations(block: RigidBlock, told: Told) -> Equations:
 _Part = tuple[np.ndarray, ...]
 
 
-def _moved_points(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """(n, 3, 7) how points move with the block."""
-    lever = points - middle
-    moved = np.zeros((len(points), 3, 7))
-    moved[:, :, :3] = np.eye(3)
-    for first, second in ((0, 1), (1, 2), (2, 0)):  # turned about the third axis
-        moved[:, first, 6 - first - second], moved[:, second, 6 - first - second] = -lever[:, second], lever[:, first]
-    moved[:, :, 6] = lever
-    return moved
-
-
 def _positions(block: RigidBlock, told: Told, cameras: int) -> _Part:
     own = np.flatnonzero(told.positioned)
     A = np.zeros((len(own), 3, FIRST_CAMERA + cameras))
-    A[:, :, MOTION] = _moved_points(block.centre[own], block.middle)
+    A[:, :, MOTION] = motion_derivatives(block.centre[own] - block.middle)
     A[:, :, COMMON] = np.eye(3)
     A[np.arange(len(own)), :, FIRST_CAMERA + block.camera[own]] = block.backwards[own]
     y = told.position[own] - block.centre[own]
@@ -117,7 +106,7 @@ def _positions(block: RigidBlock, told: Told, cameras: int) -> _Part:
 def _control(block: RigidBlock, told: Told, cameras: int) -> _Part:
     own = np.flatnonzero(np.isfinite(block.control).all(axis=1) & np.isfinite(told.control).all(axis=1))
     A = np.zeros((len(own), 3, FIRST_CAMERA + cameras))
-    A[:, :, MOTION] = _moved_points(block.control[own], block.middle)
+    A[:, :, MOTION] = motion_derivatives(block.control[own] - block.middle)
     y = told.control[own] - block.control[own]
     return _rows(np.full(3, Source.CONTROL), np.full(len(own), -1), block.control[own], y, A, told.control_sigma[own])
 
@@ -138,7 +127,7 @@ def _surface(block: RigidBlock, model: ElevationModel, cameras: int) -> _Part:
     height, slope = model.at(block.ground)
     own = np.flatnonzero(np.isfinite(height))
     A = np.zeros((len(own), FIRST_CAMERA + cameras))
-    moved = _moved_points(block.ground[own], block.middle)
+    moved = motion_derivatives(block.ground[own] - block.middle)
     # A block that moves up a slope meets higher ground there.
     A[:, MOTION] = moved[:, 2] - np.einsum("ni,nij->nj", slope[own], moved[:, :2])
     A[:, SURVEY] = 1.0
