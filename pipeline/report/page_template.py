@@ -1,9 +1,11 @@
 """The templates of the report, with what they need to print numbers."""
 
+import re
 from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from markupsafe import Markup, escape
 
 from orthomill.pipeline.report import numbers
 
@@ -17,8 +19,15 @@ def page_template(name: str) -> Template:
     environment.filters.update(
         number=numbers.number_text, duration=numbers.duration_text, memory=numbers.memory_text, ground_length=length_text
     )
-    environment.filters.update(bytes=numbers.bytes_text)
+    environment.filters.update(bytes=numbers.bytes_text, subscripts=subscripts)
     return environment.get_template(name)
+
+
+def subscripts(sentence: str) -> Markup:
+    """RMSE_H as a standard prints it."""
+    parts = re.split(r"RMSE_(H|V|3D)\b", sentence)
+    # Every second part is what the pattern caught.
+    return Markup().join(Markup("RMSE<sub>{}</sub>").format(part) if n % 2 else escape(part) for n, part in enumerate(parts))
 
 
 def length_text(metres: float) -> str:

@@ -38,9 +38,9 @@ class HeightSystem:
 
 def height_system(crs: CRS, unit: str = "") -> HeightSystem:
     """The system of a file; `unit`: what its band says of its values."""
-    vertical = _vertical(crs)
-    axis = vertical.axis_info[-1].unit_conversion_factor if vertical is not None and vertical.axis_info else None
-    return HeightSystem(crs, vertical, FEET.get(unit.strip().lower(), axis or 1.0))
+    up = vertical(crs)
+    axis = up.axis_info[-1].unit_conversion_factor if up is not None and up.axis_info else None
+    return HeightSystem(crs, up, FEET.get(unit.strip().lower(), axis or 1.0))
 
 
 def horizontal(crs: CRS) -> CRS:
@@ -48,7 +48,8 @@ def horizontal(crs: CRS) -> CRS:
     return crs.sub_crs_list[0] if crs.is_compound else crs.to_2d()
 
 
-def _vertical(crs: CRS) -> CRS | None:
+def vertical(crs: CRS) -> CRS | None:
+    """The system of its heights; None where it has none."""
     if crs.is_compound:
         return crs.sub_crs_list[1]
     # Ellipsoidal heights are no system of their own: they belong to the three-dimensional one.
@@ -89,7 +90,7 @@ def heights_in_metres(z: np.ndarray, x: np.ndarray, y: np.ndarray, system: Heigh
 
 def _are_alike(system: HeightSystem, target: CRS) -> bool:
     """Whether heights differ by their unit alone, as far as anybody can know."""
-    return system.vertical is None or _vertical(target) is None or system.vertical == _vertical(target)
+    return system.vertical is None or vertical(target) is None or system.vertical == vertical(target)
 
 
 def vertical_shift(x: np.ndarray, y: np.ndarray, system: HeightSystem, target: CRS, where: str) -> np.ndarray:

@@ -9,7 +9,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from orthomill.schemas.accuracy.acceptance_record import AcceptanceRecord, StandardWording, SystemNames
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.point_tests import PointTest
 from orthomill.schemas.settings import Settings, setting
 
 Outcome3 = Literal["met", "missed", "not testable"]
@@ -34,6 +36,10 @@ class AcceptanceLimits(Settings):
     latest: str | None = setting(None, "Photographs taken on this day or before.", pattern=r"^\d{4}-\d\d-\d\d$")
     plan_stated: bool = setting(False, "Whether the accuracy in plan must be known from independent points, whatever it is.")
     heights_named: bool = setting(False, "Whether the reference system must name what heights refer to.")
+
+    def plan_limit(self, pixel: float | None) -> float | None:
+        """What is asked for in plan, m, with this pixel of the orthoimage, m; None: nothing, or pixels of which none is known."""
+        return self.plan or (self.plan_pixels * pixel if self.plan_pixels and pixel else None)
 
     @property
     def asks(self) -> bool:
@@ -104,6 +110,14 @@ Acceptance = Annotated[
 
 
 @dataclass(frozen=True)
+class InspectedProducts:
+    """Products at surveyed points: what is stated of them, and the test of each point."""
+
+    statement: AccuracyStatement = field(default_factory=AccuracyStatement)
+    points: tuple[PointTest, ...] = ()
+
+
+@dataclass(frozen=True)
 class DeliveryFacts:
     """What is known of a delivery; None: nobody can tell."""
 
@@ -120,8 +134,18 @@ class DeliveryFacts:
     last_day: str | None = None
     """of the photographs, ISO 8601"""
     crs: str = ""
+    systems: SystemNames | None = None
+    """of what was delivered by name; None: nothing with heights was"""
     remarks: tuple[str, ...] = ()
     """what was assumed of the points"""
+    points: tuple[PointTest, ...] = ()
+    """the products at each of them"""
+    known: tuple[str, ...] = ()
+    """what a run says of itself without surveyed points: agreement, promise"""
+    doubts: tuple[str, ...] = ()
+    """of its own results"""
+    made: str = ""
+    """version and time of the run"""
 
 
 class Clause(BaseModel):
@@ -145,6 +169,10 @@ class AcceptanceResult(BaseModel):
     clauses: tuple[Clause, ...]
     findings: tuple[str, ...] = ()
     """errors that the check points share, by name"""
+    wordings: tuple[StandardWording, ...] = ()
+    """the accuracy as the standard words it"""
+    record: AcceptanceRecord | None = None
+    """what makes it a document; None in those of earlier versions"""
 
     @property
     def complete(self) -> bool:

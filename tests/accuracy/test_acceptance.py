@@ -5,6 +5,7 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from orthomill.schemas.accuracy.acceptance import Acceptance, DeliveryFacts
+from orthomill.schemas.accuracy.acceptance_record import SystemNames
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.observations import Control, ControlPoint
@@ -26,7 +27,12 @@ def stated(rmse, points=30, survey=0.01):
         for kind, width in (("horizontal", 2), ("nva", 1))
     ]
     return DeliveryFacts(
-        statement=AccuracyStatement(figures=tuple(figures)), pixel=0.1, voids=0.0, clipped=0.2, crs="EPSG:25832+7837"
+        statement=AccuracyStatement(figures=tuple(figures)),
+        pixel=0.1,
+        voids=0.0,
+        clipped=0.2,
+        crs="EPSG:25832+7837",
+        systems=SystemNames(height="DHHN2016 height"),
     )
 
 
@@ -54,6 +60,30 @@ def test_one_clause_that_is_not_met_makes_it_incomplete(facts, clause, outcome):
     result = accepted(profile(kind="asprs_2023", plan=0.1, height=0.1, pixel=0.2), facts, "it")
     assert outcomes(result)[clause] == outcome and not result.complete
     assert "not complete" in result.sentence
+
+
+@pytest.mark.parametrize(
+    ("facts", "kind", "opening"),
+    [
+        (stated(0.05), "asprs_2023", "This data set was tested to meet ASPRS"),
+        (stated(0.05, points=20), "asprs_2023", "This data set was tested as required by ASPRS"),
+        (DeliveryFacts(), "asprs_2023", "This data set was produced to meet ASPRS"),
+        (stated(0.05), "custom", "This data set was tested to meet ASPRS"),
+    ],
+)
+def test_each_accuracy_is_worded_as_the_standard_does(facts, kind, opening):
+    wordings = accepted(profile(kind=kind, plan=0.18, height=0.055), facts, "it").wordings
+    assert [words.kind for words in wordings] == ["horizontal", "nva"]
+    assert all(words.sentence.startswith(opening) and words.tested == bool(facts.statement.figures) for words in wordings)
+    if not facts.statement.figures:
+        assert [words.sentence.partition("for a")[2] for words in wordings] == [
+            "n 18-cm RMSE_H Horizontal Positional Accuracy Class.",
+            " 5.5-cm RMSE_V Non-Vegetated Vertical Accuracy (NVA) Class.",
+        ]
+
+
+def test_nothing_is_declared_where_the_standard_was_not_agreed():
+    assert not accepted(profile(kind="custom", plan=0.1), DeliveryFacts(), "it").wordings
 
 
 def test_profiles_have_their_own_limits():
@@ -115,7 +145,9 @@ def test_products_of_another_program_are_inspected():
         SurveyedPoint(f"P{i}", (x, y, 10.0), (0.01, 0.01, 0.01), (x + 0.1, y))
         for i, (x, y) in enumerate(rng.uniform(20, 80, (9, 2)))
     )
-    found = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1)
+    products = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1)
+    found = products.statement
+    assert len(products.points) == 9
     assert found.of("nva").fit == pytest.approx(0.2) and found.of("horizontal").fit == pytest.approx(0.1)
     assert found.of("nva").promised is None
 
@@ -124,7 +156,7 @@ def test_points_of_another_program_under_vegetation_are_stated_apart():
     grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
     points = tuple(SurveyedPoint(name, (30.0 + i, 50.0, 10.0), (0.01, 0.01, 0.01)) for i, name in enumerate(("A", "V1", "V2")))
     given = points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1
-    found = inspected(*given, ("V*",))
+    found = inspected(*given, ("V*",)).statement
     assert (found.of("nva").points, found.of("vva").points) == (1, 2)
     with pytest.raises(WorkflowError, match=r"No check point is called W1 .*they are A, V1, V2"):
         inspected(*given, ("V*", "W1"))
@@ -140,12 +172,11 @@ def test_the_check_points_of_a_project_inspect_a_surface_of_somebody_else():
     )
     known = Inspector(None, None, control, None, ("check", "control"))
     image = (grid, lambda cells, window: np.full((*window.shape, 3), 9.0, np.float32))
-    found = known.statement((grid, lambda cells, window: np.full(window.shape, 10.2)), image)
+    found = known.products((grid, lambda cells, window: np.full(window.shape, 10.2)), image).statement
     assert found.of("nva").points == 2 and found.of("nva").fit == pytest.approx(0.2)
     assert {reason for _, reason in found.untested} == {"place: marked in no photograph"}
-    wooded = Inspector(None, None, control, None, vegetated=("*1",)).statement(
-        (grid, lambda cells, window: np.full(window.shape, 10.2)), None
-    )
+    surface = (grid, lambda cells, window: np.full(window.shape, 10.2))
+    wooded = Inspector(None, None, control, None, vegetated=("*1",)).products(surface, None).statement
     assert wooded.of("nva").points == wooded.of("vva").points == 1
     told = accepted(profile(kind="asprs_2023", height=1.0), DeliveryFacts(statement=wooded), "theirs")
     assert "Vegetated Vertical Accuracy (VVA)" in told.findings[0]

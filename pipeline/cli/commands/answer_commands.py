@@ -123,15 +123,14 @@ def accept(
     from orthomill.pipeline.cli.lookups.delivery import (
         Delivered,
         acceptance_lines,
-        acceptance_page,
         facts_by_inspector,
         facts_of_files,
         facts_of_run,
         profile_of,
         show_acceptance,
     )
+    from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, inputs_of, of_run, recorded, written
     from orthomill.pipeline.cli.projects import load_project
-    from orthomill.pipeline.storage.whole_files import write_whole
     from orthomill.schemas.errors import WorkflowError
     from orthomill.tasks.lookups import Inspector, accepted, inspected, listed_points
 
@@ -166,13 +165,15 @@ def accept(
             facts = facts_of_files(files, crs, partial(inspected, vegetated=under), listed_points)
         for remark in facts.remarks:
             err.print(escape(remark), soft_wrap=True)
-        result = accepted(limits, facts, delivery)
-        own = [loaded.run_folder / f"acceptance.{end}" for end in ("json", "html")] if loaded and not (dsm or ortho) else []
-        for path in [*own, *([output] if output else [])]:
-            text = acceptance_page(result) if path.suffix == ".html" else result.model_dump_json(indent=1)
-            write_whole(path, text.encode())
-        if own and loaded:
-            show_acceptance(loaded)
+        own = loaded if loaded and not (dsm or ortho) else None
+        sold = of_run(own) if own else by_name((dsm, ortho))
+        used = inputs_of(loaded) if loaded else by_name((points, marks, block))
+        result = recorded(accepted(limits, facts, delivery), limits, facts, digested(sold), digested(used))
+        if own:
+            result = as_kept(result, own.run_folder)
+            written(result, (own.run_folder / f"acceptance.{end}" for end in ("json", "html")))
+            show_acceptance(own)
+        written(result, [output] if output else ())
         for line in acceptance_lines(result):
             out.print(escape(line), soft_wrap=True)
     if not result.complete:

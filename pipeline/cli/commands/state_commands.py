@@ -71,6 +71,7 @@ def status(name: Name, debug: Debug = False) -> None:
 @state.command()
 def verify(name: Name, debug: Debug = False) -> None:
     """Check every stored result against its checksum; what is damaged is computed again by the next run."""
+    from orthomill.pipeline.cli.lookups.kept_acceptance import reaccepted
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.cli.verification_lines import verification_lines
     from orthomill.pipeline.records.verification import verify as verify_results
@@ -78,19 +79,20 @@ def verify(name: Name, debug: Debug = False) -> None:
     from orthomill.pipeline.signing.restatement import restated
     from orthomill.pipeline.signing.signature import check_signature
     from orthomill.pipeline.signing.signature_lines import signature_lines
-    from orthomill.tasks.lookups import statement_of
+    from orthomill.tasks.lookups import accepted, statement_of
 
     with plain_errors(debug):
-        folder = load_project(name).run_folder
+        loaded = load_project(name)
+        folder = loaded.run_folder
         if not folder.is_dir():
             raise StoreError(f"{folder.name} has no results yet; run it first: orthomill run {name}")
         found = verify_results(folder)
         signed = check_signature(folder, covered_page)
         differs = restated(folder, statement_of)
-        said = (differs,) if differs else ()
+        said = (*((differs,) if differs else ()), *reaccepted(folder, loaded.project.crs, name, accepted))
         for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ()), *said):
             out.print(escape(line), soft_wrap=True)
-    if found.damaged or differs or (signed and not signed.holds):
+    if found.damaged or said or (signed and not signed.holds):
         raise typer.Exit(1)
 
 

@@ -3,13 +3,13 @@
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from orthomill.pipeline.cli.lookups.titled_systems import names_of_file, system_names
 from orthomill.pipeline.cli.point_lists import point_list
 from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import titles_of
@@ -24,8 +24,17 @@ from orthomill.pipeline.storage.point_files import is_point_file
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.pipeline.workflow.yaml_lines import YamlError, read_yaml
-from orthomill.schemas.accuracy.acceptance import Acceptance, AcceptanceLimits, AcceptanceResult, DeliveryFacts, NoAcceptance
+from orthomill.schemas.accuracy.acceptance import (
+    Acceptance,
+    AcceptanceLimits,
+    AcceptanceResult,
+    DeliveryFacts,
+    InspectedProducts,
+    NoAcceptance,
+)
+from orthomill.schemas.accuracy.acceptance_record import SystemNames
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
+from orthomill.schemas.accuracy.point_tests import POINT_TESTS
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.job import HeightFile, HeightHeader, MapFile
 from orthomill.schemas.observations import CONTROL
@@ -33,10 +42,10 @@ from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, photo_raster
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.stage_report import StageReport, Topic, report_table
 from orthomill.schemas.surface import MEASURED, PROVENANCE
 
-Accept = Callable[[AcceptanceLimits, DeliveryFacts, str], AcceptanceResult]
-Inspect = Callable[..., AccuracyStatement]
+Inspect = Callable[..., InspectedProducts]
 
 
 @dataclass(frozen=True)
@@ -72,6 +81,11 @@ def profile_of(name: str | None, project: Project | None, limits: Limits | None 
     return _profile(f"--profile {name}", given | (limits or {}) if isinstance(given, dict) else given)
 
 
+def profile_from(kind: str, limits: dict[str, Any]) -> AcceptanceLimits:
+    """The profile of an acceptance that was kept. Raises WorkflowError."""
+    return _profile("the profile that was kept", {"kind": kind, **limits})
+
+
 def _profile(what: str, given: object) -> AcceptanceLimits:
     try:
         chosen = TypeAdapter[Acceptance](Acceptance).validate_python(given)
@@ -94,8 +108,15 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
     store, ortho = Store(folder), folder / "products" / "ortho.tif"
     picture = orthoimage_facts(ortho) if ortho.exists() else None
     first, last = _days(store)
+    run = read_facts(folder)
+    stages = [stage.kind for stage in run.stages] if run else []
     return DeliveryFacts(
         statement=store.table(STATEMENT) if store.has_table(STATEMENT) else AccuracyStatement(),
+        points=store.table(POINT_TESTS).points if store.has_table(POINT_TESTS) else (),
+        made=f"by orthomill {run.version}, finished {_shown(run.finished)}" if run and run.finished else "",
+        known=tuple(_known(store, stages)),
+        doubts=tuple(doubt for report in _reports(store, stages) for doubt in report.doubts),
+        systems=system_names(crs),
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
@@ -105,6 +126,24 @@ def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
         last_day=last,
         crs=crs,
     )
+
+
+_LEVELS = {Topic.CHECK: "Agreement", Topic.PRECISION: "Promise"}
+"""what a run knows of itself without a surveyed point"""
+
+
+def _known(store: Store, stages: list[str]) -> Iterator[str]:
+    told = {answer.topic: answer.text for report in _reports(store, stages) for answer in report.answers}
+    yield from (f"{level}: {topic.lower()}, {told[topic]}" for topic, level in _LEVELS.items() if topic in told)
+
+
+def _reports(store: Store, stages: list[str]) -> Iterator[StageReport]:
+    yield from (store.table(table) for stage in stages if store.has_table(table := report_table(stage)))
+
+
+def _shown(time: str) -> str:
+    """2026-05-31 12:30 of an ISO 8601 time."""
+    return time[:16].replace("T", " ")
 
 
 def _days(store: Store) -> tuple[str, str] | tuple[None, None]:
@@ -155,17 +194,25 @@ def facts_of_files(delivered: Delivered, own: str | None, inspect: Inspect, list
         )
     system = crs or (picture.crs if picture else "")
     found = listed(*point_list(delivered.points, own), system) if delivered.points else None
-    statement = inspect(found.points, grid, heights, picture.pixel if picture else 0.0) if found else AccuracyStatement()
+    tested = inspect(found.points, grid, heights, picture.pixel if picture else 0.0) if found else InspectedProducts()
     if found and grid:
         _refuse_elsewhere(found.points, grid, crs, delivered)
     return DeliveryFacts(
         remarks=found.remarks if found else (),
-        statement=statement,
+        statement=tested.statement,
+        points=tested.points,
+        systems=_systems(delivered),
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
         crs=system,
     )
+
+
+def _systems(delivered: Delivered) -> SystemNames | None:
+    """Those of the surface, as it names them; of the orthoimage alone where there is no surface."""
+    path = delivered.dsm or delivered.ortho
+    return names_of_file(path) if path else None
 
 
 def _refuse_elsewhere(points: tuple[Any, ...], grid: MapGrid, crs: str, delivered: Delivered) -> None:
@@ -208,8 +255,11 @@ def facts_by_inspector(
     picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     surface, image = _heights_in(delivered.dsm, crs), _colours_in(delivered.ortho, crs)
     first, last = _days(store)
+    tested = known.products(surface, image)
     return DeliveryFacts(
-        statement=known.statement(surface, image),
+        statement=tested.statement,
+        points=tested.points,
+        systems=_systems(delivered),
         pixel=picture.pixel if picture else None,
         voids=picture.voids if picture else None,
         clipped=picture.clipped if picture else None,
@@ -264,18 +314,3 @@ def acceptance_lines(result: AcceptanceResult) -> Iterator[str]:
         yield f"{clause.outcome:13} {clause.clause}: {clause.found} (limit: {clause.limit})"
     yield from (f"found: {sentence}" for sentence in result.findings)
     yield result.sentence
-
-
-_STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}td,th{text-align:left;padding:.3em 1em .3em 0}"
-
-
-def acceptance_page(result: AcceptanceResult) -> str:
-    """The same as one HTML page without network."""
-    found = " ".join(result.findings)
-    cells = ((c.outcome, c.clause, c.found, c.limit) for c in result.clauses)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
-    return (
-        f"<!doctype html><meta charset='utf-8'><title>Acceptance</title><style>{_STYLE}</style>"
-        f"<h1>{escape(result.delivery)}: {escape(result.profile)}</h1><p><b>{escape(result.sentence)}</b> {escape(found)}</p>"
-        f"<table><tr><th>outcome</th><th>clause</th><th>found</th><th>limit</th></tr>{rows}</table>"
-    )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from orthomill.schemas.accuracy.acceptance import AcceptanceLimits, AcceptanceResult, Clause, DeliveryFacts, Outcome3
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure
+from orthomill.tasks.accuracy.acceptance.standard_wordings import standard_wordings
 
 _UNTESTED = "not tested at independent points"
 _ROUNDING = 1 + 1e-6
@@ -24,6 +25,7 @@ def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> 
         delivery=delivery,
         clauses=tuple(_clauses(profile, facts)),
         findings=(*_under_vegetation(facts), *(error.sentence for error in facts.statement.named)),
+        wordings=tuple(standard_wordings(profile, facts)),
     )
 
 
@@ -36,8 +38,7 @@ def _under_vegetation(facts: DeliveryFacts) -> Iterator[str]:
 
 
 def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:
-    wanted = profile.plan or (profile.plan_pixels * facts.pixel if profile.plan_pixels and facts.pixel else None)
-    for kind, words, limit in (("horizontal", "plan", wanted), ("nva", "height", profile.height)):
+    for kind, words, limit in (("horizontal", "plan", profile.plan_limit(facts.pixel)), ("nva", "height", profile.height)):
         if limit is not None:
             yield from _accuracy(facts.statement.of(kind), words, limit, profile, _why_not(facts, kind))  # type: ignore[arg-type]
     if profile.plan_stated:
@@ -57,8 +58,13 @@ def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause
             yield _at_most(words, found, limit, unit)
     yield from _days(profile, facts)
     if profile.heights_named:
-        named = "+" in facts.crs
-        yield Clause(clause="heights named", found=facts.crs or "no system", limit="a vertical system", outcome=_met(named))
+        yield _heights_named(facts)
+
+
+def _heights_named(facts: DeliveryFacts) -> Clause:
+    named = facts.systems.height if facts.systems else ""
+    found = named or (f"none beside {facts.crs}" if facts.crs else "no system")
+    return Clause(clause="heights named", found=found, limit="a vertical system", outcome=_met(bool(named)))
 
 
 def _why_not(facts: DeliveryFacts, kind: str) -> str:

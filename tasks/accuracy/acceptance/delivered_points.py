@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.acceptance import InspectedProducts
 from orthomill.schemas.accuracy.point_tests import TESTED, PlaceTest, PointTest, PointTests
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.accuracy.points.surface_height import CellsAround, beside_survey, cells_around, height_at
@@ -30,7 +30,7 @@ class SurveyedPoint:
 
 def inspected(
     points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: Heights | None, pixel: float, vegetated: tuple[str, ...] = ()
-) -> AccuracyStatement:
+) -> InspectedProducts:
     """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs;
     vegetated: names or shell patterns of points under vegetation, stated apart. Raises WorkflowError for one that no point has."""
     under, tests = under_vegetation((point.name for point in points), vegetated), []
@@ -54,9 +54,9 @@ def _measured(point: SurveyedPoint, pixel: float) -> PlaceTest | None:
     return PlaceTest(reason="nobody measured it in the orthoimage: ortho_x, ortho_y") if pixel else None
 
 
-def unpromised(tests: PointTests) -> AccuracyStatement:
-    """The statement without what was promised: a surface of another program promises nothing, and only the survey's errors would
-    stand in the comparison."""
+def unpromised(tests: PointTests) -> InspectedProducts:
+    """The tests, and the statement without what was promised: a surface of another program promises nothing, and only the survey's
+    errors would stand in the comparison."""
     found = statement_of(tests)
     figures = tuple(figure.model_copy(update={"promised": None}) for figure in found.figures)
-    return found.model_copy(update={"figures": figures})
+    return InspectedProducts(found.model_copy(update={"figures": figures}), tests.points)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
+from orthomill.schemas.accuracy.acceptance import InspectedProducts
 from orthomill.schemas.accuracy.point_tests import PointTest, PointTests
 from orthomill.schemas.observations import Control, ControlPoint
 from orthomill.schemas.orientation import Block
@@ -40,7 +40,7 @@ class Inspector:
     vegetated: tuple[str, ...] = ()
     """names or shell patterns of points under vegetation, where a surface shows crowns: stated apart"""
 
-    def statement(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> AccuracyStatement:
+    def products(self, surface: tuple[MapGrid, Read] | None, ortho: tuple[MapGrid, Read] | None) -> InspectedProducts:
         """What the check points say of a surface (heights m) and an orthoimage (rows, cols, bands), as far as they are given.
 
         Raises WorkflowError for a pattern of `vegetated` that no point has.

@@ -114,6 +114,19 @@ def wording(kind: AccuracyKind, rmse: float, points: int, needed: int) -> str:
     )
 
 
-def _article(class_: int) -> str:
+_DECLARED: dict[AccuracyKind, str] = {
+    "horizontal": _CLASSES["horizontal"],
+    **dict.fromkeys(("nva", "nva_terrain"), "RMSE_V Non-Vegetated Vertical Accuracy (NVA) Class"),
+    **dict.fromkeys(("vva", "vva_terrain"), "RMSE_V Vegetated Vertical Accuracy (VVA) Class"),
+}
+
+
+def declared(kind: AccuracyKind, limit: float) -> str:
+    """What the standard lets a producer say of a class (m) without any test; it has no such sentence for three dimensions."""
+    centimetres = f"{round(100 * limit, 2):g}"
+    return f"This data set was produced to meet {_STANDARD} for {_article(centimetres)} {centimetres}-cm {_DECLARED[kind]}."
+
+
+def _article(class_: int | str) -> str:
     """Eight, eleven, eighteen and eighty begin with a vowel."""
-    return "an" if str(class_).startswith("8") or class_ in (11, 18) else "a"
+    return "an" if str(class_).startswith("8") or str(class_).partition(".")[0] in ("11", "18") else "a"

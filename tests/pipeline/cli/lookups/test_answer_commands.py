@@ -11,16 +11,12 @@ from village_pair import block_of, normal_case
 
 from orthomill.finished_project import FinishedProject
 from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
-from orthomill.pipeline.cli.lookups.delivery import (
-    Delivered,
-    acceptance_lines,
-    acceptance_page,
-    facts_of_files,
-    facts_of_run,
-    profile_of,
-)
+from orthomill.pipeline.cli.lookups.delivery import Delivered, acceptance_lines, facts_of_files, facts_of_run, profile_of
+from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, reaccepted, recorded, written
 from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answer_lines, measured_answers
+from orthomill.pipeline.report.acceptance_page import acceptance_page
 from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.accuracy.acceptance import AcceptanceResult
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.project import Project
@@ -111,6 +107,70 @@ def test_a_run_is_held_against_a_profile(run):
     assert "not testable" in acceptance_page(result)
 
 
+@pytest.fixture
+def kept(run):
+    """A run with its acceptance, as the command writes it."""
+    (run / "products").mkdir()
+    (run / "products" / "dsm.tif").write_bytes(b"heights")
+    limits, facts = profile_of("asprs_2023", None, {"height": 0.1, "estimated": 5.0}), facts_of_run(run, "EPSG:2100")
+    result = recorded(accepted(limits, facts, "site"), limits, facts, digested([("products", run / "products")]), ())
+    written(result, [run / "acceptance.json", run / "acceptance.html"])
+    return run
+
+
+def again(run):
+    return reaccepted(run, "EPSG:2100", "site", accepted)
+
+
+def test_an_acceptance_is_a_document_by_itself(kept):
+    assert again(kept) == ()
+    text = (kept / "acceptance.html").read_text()
+    assert "products/dsm.tif" in text and "GGRS87 / Greek Grid (EPSG:2100)" in text and "Nothing is proved" in text
+    assert "was produced to meet ASPRS" in text and "10-cm RMSE<sub>V</sub>" in text and "not stated: heights are those" in text
+    record = json.loads((kept / "acceptance.json").read_text())["record"]
+    assert record["files"][0]["sha256"] in text and record["limits"]["points"] == 30
+
+
+@pytest.mark.parametrize(
+    ("name", "was", "now", "said"),
+    [
+        ("acceptance.json", "not testable", "met", "acceptance.json does not follow from the products: it has 'accuracy in height"),
+        ("acceptance.html", "0.100 m", "0.010 m", "acceptance.html does not follow from acceptance.json"),
+        ("products/dsm.tif", "heights", "hights", "products/dsm.tif is not the file that acceptance.json names"),
+        ("products/dsm.tif", "heights", None, "products/dsm.tif is missing, which acceptance.json names"),
+        ("acceptance.json", "{", "", "acceptance.json cannot be read"),
+    ],
+)
+def test_what_was_changed_in_an_acceptance_is_named(kept, name, was, now, said):
+    path = kept / name
+    text = path.read_text()
+    path.unlink()
+    if now is not None:
+        path.write_text(text.replace(was, now, 1))
+    assert any(line.startswith(said) and line.endswith("orthomill accept site") for line in again(kept))
+
+
+def test_an_acceptance_that_says_the_same_keeps_its_date(kept):
+    known = AcceptanceResult.model_validate_json((kept / "acceptance.json").read_bytes())
+    record = known.record.model_copy(update={"tested": "2030-01-01T00:00:00+00:00"})
+    assert as_kept(known.model_copy(update={"record": record}), kept) == known
+    other = known.model_copy(update={"record": record.model_copy(update={"files": ()})})
+    assert as_kept(other, kept) == other
+    (kept / "acceptance.json").unlink()
+    assert again(kept) == () and as_kept(other, kept) == other
+
+
+def test_files_are_named_as_they_are_given(tmp_path):
+    (tmp_path / "block").mkdir()
+    for name in ("a.txt", "b.txt"):
+        (tmp_path / "block" / name).write_text(name)
+    assert [file.path for file in digested(by_name((tmp_path / "block", None, tmp_path / "block" / "a.txt")))] == [
+        "block/a.txt",
+        "block/b.txt",
+        "a.txt",
+    ]
+
+
 def test_profiles_come_from_files_and_mistakes_are_sentences(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("kind: custom\nplan: 0.1\n")
@@ -192,6 +252,19 @@ def test_files_that_are_not_there_or_something_else_are_named(delivered, tmp_pat
         facts_of_files(Delivered(colours, None, None), None, inspected, listed_points)
     with pytest.raises(WorkflowError, match=r"is in EPSG:2100 and .* in EPSG:32634"):
         facts_of_files(Delivered(delivered, colours, None), None, inspected, listed_points)
+
+
+def test_a_surface_of_another_program_names_its_heights(delivered, tmp_path):
+    named = tmp_path / "named.tif"
+    given = {"driver": "GTiff", "width": 9, "height": 9, "count": 1, "dtype": "float32", "crs": "EPSG:7415"}
+    with rasterio.open(named, "w", transform=Affine(1, 0, 100000, 0, -1, 400000), **given) as file:
+        file.write(np.full((1, 9, 9), 5, np.float32))
+    outcomes = []
+    for path in (delivered, named):
+        facts = facts_of_files(Delivered(path, None, None), None, inspected, listed_points)
+        (clause,) = accepted(profile_of("custom", None, {"heights_named": True}), facts, "it").clauses
+        outcomes.append((clause.found, clause.outcome))
+    assert outcomes == [("none beside EPSG:2100", "missed"), ("NAP height (EPSG:5709)", "met")]
 
 
 def test_a_clause_that_cannot_be_tested_says_why(delivered):

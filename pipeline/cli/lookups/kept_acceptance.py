@@ -1,0 +1,140 @@
+"""What `orthomill accept` keeps: clauses with all that makes them a document, and whether they still follow from what is there."""
+
+from collections.abc import Callable, Iterable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from orthomill import __version__
+from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from
+from orthomill.pipeline.report.acceptance_page import acceptance_json, acceptance_page
+from orthomill.pipeline.report.accepted_part import ACCEPTANCE, read_acceptance
+from orthomill.pipeline.signing.statement import PRODUCTS, digest_of
+from orthomill.pipeline.storage.whole_files import write_whole
+from orthomill.pipeline.workflow.workflow_checks import named_inputs
+from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
+from orthomill.schemas.accuracy.acceptance import AcceptanceLimits, AcceptanceResult, DeliveryFacts
+from orthomill.schemas.accuracy.acceptance_record import AcceptanceRecord, AcceptedFile, SystemNames
+
+PAGE = "acceptance.html"
+"""beside the data, in the folder of the run"""
+Accept = Callable[[AcceptanceLimits, DeliveryFacts, str], AcceptanceResult]
+
+
+def digested(named: Iterable[tuple[str, Path]]) -> tuple[AcceptedFile, ...]:
+    """Files by the names that they are given, those of folders one by one. Raises OSError."""
+    return tuple(_digested(named))
+
+
+def by_name(paths: Iterable[Path | None]) -> Iterator[tuple[str, Path]]:
+    """Files of a delivery of another program, as they are called."""
+    yield from ((path.name, path) for path in paths if path is not None)
+
+
+def of_run(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
+    """The products of a run."""
+    yield PRODUCTS, loaded.run_folder / PRODUCTS
+
+
+def inputs_of(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
+    """What a project names beside its photographs: control, positions, cameras."""
+    yield from ((path, loaded.root / path) for path in named_inputs(loaded.project))
+
+
+def _digested(named: Iterable[tuple[str, Path]]) -> Iterator[AcceptedFile]:
+    for name, path in named:
+        inside = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+        for file in inside:
+            known, below = digest_of(file), file.relative_to(path).as_posix()
+            yield AcceptedFile(path=name if file == path else f"{name}/{below}", size=known.size, sha256=known.sha256)
+
+
+def recorded(
+    result: AcceptanceResult,
+    limits: AcceptanceLimits,
+    facts: DeliveryFacts,
+    files: tuple[AcceptedFile, ...],
+    evidence: tuple[AcceptedFile, ...],
+) -> AcceptanceResult:
+    """The result with its record, as of now."""
+    asked = {name: value for name, value in limits.model_dump(mode="json").items() if name != "kind" and value not in (None, False)}
+    record = AcceptanceRecord(
+        tested=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=__version__,
+        made=facts.made,
+        systems=facts.systems or SystemNames(),
+        first_day=facts.first_day,
+        last_day=facts.last_day,
+        limits=asked,
+        files=files,
+        evidence=evidence,
+        statement=facts.statement,
+        points=facts.points,
+        known=facts.known,
+        doubts=facts.doubts,
+        remarks=facts.remarks,
+    )
+    return result.model_copy(update={"record": record})
+
+
+def written(result: AcceptanceResult, paths: Iterable[Path]) -> None:
+    """Write the document (.html) or its data (any other suffix). Raises StoreError."""
+    for path in paths:
+        write_whole(path, acceptance_page(result).encode() if path.suffix == ".html" else acceptance_json(result))
+
+
+def as_kept(result: AcceptanceResult, folder: Path) -> AcceptanceResult:
+    """The acceptance that a run has, where nothing but its date would change: a signature under it goes on holding."""
+    kept = read_acceptance(folder)
+    if kept is None or kept.record is None or result.record is None:
+        return result
+    dated = result.record.model_copy(update={"tested": kept.record.tested})
+    return kept if result.model_copy(update={"record": dated}) == kept else result
+
+
+def reaccepted(folder: Path, crs: str, name: str, accept: Accept) -> tuple[str, ...]:
+    """Sentences where the acceptance of a run is not the one that follows from its products now; none where there is no acceptance,
+    or one of an earlier version. Raises StoreError, WorkflowError."""
+    if not (folder / ACCEPTANCE).is_file():
+        return ()
+    kept = read_acceptance(folder)
+    again = f"write it again with: orthomill accept {name}"
+    if kept is None:
+        return (f"{ACCEPTANCE} cannot be read; {again}",)
+    if kept.record is None:
+        return ()
+    return tuple(f"{line}; {again}" for line in _differences(folder, kept, kept.record, crs, accept))
+
+
+def _differences(folder: Path, kept: AcceptanceResult, record: AcceptanceRecord, crs: str, accept: Accept) -> Iterator[str]:
+    page = folder / PAGE
+    if page.is_file() and page.read_bytes() != acceptance_page(kept).encode():
+        yield f"{PAGE} does not follow from {ACCEPTANCE}: one of them was changed, or is of another version"
+    for file in record.files:
+        path = folder / file.path
+        if not path.is_file():
+            yield f"{file.path} is missing, which {ACCEPTANCE} names"
+        elif digest_of(path).sha256 != file.sha256:
+            yield f"{file.path} is not the file that {ACCEPTANCE} names"
+    facts = facts_of_run(folder, crs)
+    found = accept(profile_from(kept.profile, record.limits), facts, kept.delivery)
+    for was, now in _unlike(kept, found):
+        yield f"{ACCEPTANCE} does not follow from the products: it has '{was}', and they give '{now}'"
+    if (record.statement, record.points) != (facts.statement, facts.points):
+        yield f"{ACCEPTANCE} holds another test at the check points than this run"
+
+
+def _unlike(kept: AcceptanceResult, found: AcceptanceResult) -> Iterator[tuple[str, str]]:
+    """What differs, as it was kept and as it is found now."""
+    lines = [tuple(_said(one)) for one in (kept, found)]
+    for was, now in zip(*lines, strict=False):
+        if was != now:
+            yield was, now
+    if len(lines[0]) != len(lines[1]):
+        yield f"{len(lines[0])} sentences", f"{len(lines[1])}"
+
+
+def _said(result: AcceptanceResult) -> Iterator[str]:
+    for clause in result.clauses:
+        yield f"{clause.clause}: {clause.found} (limit: {clause.limit}), {clause.outcome}"
+    yield from result.findings
+    yield from (words.sentence for words in result.wordings)
