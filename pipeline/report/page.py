@@ -173,7 +173,9 @@ def _state(run: StageRun, reported: bool) -> str:
     return "unfinished" if reported or run.done or run.skipped else "not yet"
 
 
-CAPITALS = frozenset(("crs", "sd", "rmse", "nmad", "rms", "psnr", "ssim", "dsm", "dem", "gsd", "gnss", "gps", "exif", "lsm", "cpu"))
+CAPITALS = frozenset(
+    ["crs", "sd", "rmse", "nmad", "rms", "psnr", "ssim", "dsm", "dem", "gsd", "gnss", "gps", "exif", "lsm", "cpu", "nva", "vva"]
+)
 """Abbreviations that are capitalised in a label made from a name."""
 
 

@@ -100,6 +100,8 @@ class DistanceFigure(_Stated):
     """Measured distances that took no part in the block, against it."""
 
     distances: int
+    contradicting: tuple[str, ...] = ()
+    """those that contradict the block while all others agree with it, as "A to B"; they are in no other figure"""
     fit: float
     """m: root mean square of block minus measured"""
     promised: float

@@ -10,6 +10,7 @@ from memory_runner import MemoryProject
 
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.pipeline.signing.restatement import STATED, TESTS, restated
+from orthomill.schemas.accuracy.acceptance import CustomAcceptance, DeliveryFacts
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.accuracy.adjustment_statement import AdjustmentStatement
 from orthomill.schemas.accuracy.point_tests import TESTED, HeightTest, PlaceTest, PointTest, PointTests
@@ -21,6 +22,7 @@ from orthomill.schemas.orientation import BLOCK, DistanceResidual, GroundResidua
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.raster import MapGrid, RasterSpec
 from orthomill.schemas.surface import ORTHO, SURFACE, Surface
+from orthomill.tasks.accuracy.acceptance.clauses import accepted
 from orthomill.tasks.accuracy.promises.kept_promises import reliability_of
 from orthomill.tasks.accuracy.report.accuracy_report import accuracy_report
 from orthomill.tasks.accuracy.stage import AccuracyStage
@@ -109,6 +111,29 @@ def test_distances_to_check_points_state_the_scale_of_the_block():
     assert (found.scale, found.scale_sigma) == (pytest.approx(200.0), pytest.approx(200.0))
     assert "200 ppm longer than measured" in found.sentence
     assert statement_of(PointTests()).distances is None
+
+
+@pytest.mark.parametrize(
+    ("differences", "contradicting", "ppm"),
+    [
+        ((0.01, -0.02, -3.0, 0.01), ("A2 to B2",), 0),
+        ((0.01, -3.0), ("A1 to B1",), 100),
+        ((-1.0, -1.0, -1.0, -1.0), (), -10000),
+        ((-3.0,), (), -30000),
+        ((0.01, -3.0, 2.0), (), -3300),
+    ],
+)
+def test_a_distance_that_contradicts_all_others_is_named_and_is_no_scale(differences, contradicting, ppm):
+    """One of five that was 3 m off made a block 1713 ppm too short."""
+    rows = tuple(
+        DistanceResidual(first=f"A{i}", second=f"B{i}", length=100.0, difference=d, predicted=0.05, role="check")
+        for i, d in enumerate(differences)
+    )
+    found = statement_of(PointTests(distances=rows)).distances
+    assert found.contradicting == contradicting and found.scale == pytest.approx(ppm, abs=1)
+    assert all(f"{name} contradicts the block by -3.00 m" in found.sentence for name in contradicting)
+    facts = DeliveryFacts(statement=AccuracyStatement(distances=found))
+    assert bool(accepted(CustomAcceptance(kind="custom", plan=1.0), facts, "it").findings) == bool(contradicting)
 
 
 def made(count=8, up=0.0, vegetated=False):

@@ -12,7 +12,7 @@ from orthomill.schemas.surface import SurfacePoints
 from orthomill.tasks.accuracy.adjustment.adjustment_statement_of import correlations_of
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.kept_promises import kept, reliability_of
-from orthomill.tasks.accuracy.report.adjustment_words import promise_doubts, promise_warnings
+from orthomill.tasks.accuracy.report.adjustment_words import promise_chart, promise_doubts, promise_warnings
 
 RNG = np.random.default_rng(7)
 
@@ -101,3 +101,12 @@ def test_two_pairs_without_a_common_photograph_test_each_others_heights_on_a_slo
     (kind,) = reliability_of(PointTests(), GroundResiduals(), (found,)).kinds
     assert kind.holds and kind.items == 2000 and not kind.independent and kind.factor == pytest.approx(1.0, abs=0.06)
     assert not len(pair_differences(matched(window, (3, 1)), heights, PAIRS, part)), "b is in both"
+
+
+def test_a_reliability_diagram_has_a_colour_for_each_line():
+    """Eleven kinds in six colours could not be told apart."""
+    kinds = [kept(f"kind {i}", i < 7, [[(0.5, 1.0)]]) for i in range(9)]
+    charts = promise_chart(Reliability(kinds=tuple(kinds)))
+    assert [len(chart.series) for chart in charts] == [6, 3, 3] and len({chart.title for chart in charts}) == 3
+    assert [name for chart in charts for name in chart.series if name != "normal errors"] == [kind.kind for kind in kinds]
+    assert promise_chart(Reliability()) == ()

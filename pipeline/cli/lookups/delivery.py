@@ -313,4 +313,5 @@ def acceptance_lines(result: AcceptanceResult) -> Iterator[str]:
     for clause in result.clauses:
         yield f"{clause.outcome:13} {clause.clause}: {clause.found} (limit: {clause.limit})"
     yield from (f"found: {sentence}" for sentence in result.findings)
+    yield from (f"doubt of the run: {sentence}" for sentence in (result.record.doubts if result.record else ()))
     yield result.sentence

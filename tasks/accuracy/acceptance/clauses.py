@@ -24,9 +24,16 @@ def accepted(profile: AcceptanceLimits, facts: DeliveryFacts, delivery: str) -> 
         profile=getattr(profile, "kind", "custom"),
         delivery=delivery,
         clauses=tuple(_clauses(profile, facts)),
-        findings=(*_under_vegetation(facts), *(error.sentence for error in facts.statement.named)),
+        findings=(*_under_vegetation(facts), *_contradicted(facts), *(error.sentence for error in facts.statement.named)),
         wordings=tuple(standard_wordings(profile, facts)),
     )
+
+
+def _contradicted(facts: DeliveryFacts) -> Iterator[str]:
+    """Measured distances that the block does not have."""
+    found = facts.statement.distances
+    if found and found.contradicting:
+        yield found.sentence
 
 
 def _under_vegetation(facts: DeliveryFacts) -> Iterator[str]:

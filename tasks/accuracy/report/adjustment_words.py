@@ -26,21 +26,32 @@ def _promise_row(kind: KeptPromises) -> tuple[float | int | str | None, ...]:
     return kind.kind, kind.items, one, sure, two, three, round(kind.factor, 2), holds
 
 
+_CHARTS = ((True, "independent observations"), (False, "what took part, left out in turn"))
+_LINES = 5
+"""kinds of a chart beside the normal errors: it has six colours"""
+
+
 def promise_chart(reliability: Reliability) -> tuple[Chart, ...]:
-    """The reliability diagram; none where there is nothing to draw."""
-    if not reliability.kinds:
-        return ()
-    series = {"normal errors": EXPECTED, **{kind.kind: kind.within for kind in reliability.kinds}}
-    return (
-        Chart(
-            title="Reliability of the promised errors",
-            style="lines",
-            x_label="promised standard errors",
-            y_label="share within (%)",
-            x=MULTIPLES,
-            series={name: tuple(round(100 * share, 1) for share in shares) for name, shares in series.items()},
-            caption="Below the line of normal errors: promised too well. Intervals are in the table.",
-        ),
+    """The reliability diagrams; none where there is nothing to draw."""
+    charts = []
+    for independent, words in _CHARTS:
+        kinds = [kind for kind in reliability.kinds if kind.independent == independent]
+        for first in range(0, len(kinds), _LINES):
+            title = f"Reliability of the promised errors: {words}{', continued' if first else ''}"
+            charts.append(_diagram(title, kinds[first : first + _LINES]))
+    return tuple(charts)
+
+
+def _diagram(title: str, kinds: list[KeptPromises]) -> Chart:
+    series = {"normal errors": EXPECTED, **{kind.kind: kind.within for kind in kinds}}
+    return Chart(
+        title=title,
+        style="lines",
+        x_label="promised standard errors",
+        y_label="share within (%)",
+        x=MULTIPLES,
+        series={name: tuple(round(100 * share, 1) for share in shares) for name, shares in series.items()},
+        caption="Below the line of normal errors: promised too well. Intervals are in the table.",
     )
 
 
