@@ -1,6 +1,7 @@
 """Makes the shared scenes and stages importable by their names, in this process and in the worker processes that tests start."""
 
 import atexit
+import gc
 import os
 import shutil
 import sys
@@ -13,12 +14,10 @@ from orthomill.pipeline.engine.one_thread import one_thread_from_here
 
 one_thread_from_here()  # as in the command, before any numerical library is loaded
 
-# What Python compiles, the asserts of 500 files of tests among it, is kept, also where a container says to keep nothing: each
-# process would compile it again.
-BYTECODE = Path(__file__).parents[1] / ".cache" / "bytecode"
-sys.dont_write_bytecode, sys.pycache_prefix = False, str(BYTECODE)
+# What Python compiles is kept, also where a container says to keep nothing: each process would compile 500 files of tests again.
+# It is kept beside the sources, where `pip` has put that of the libraries; in a folder of ours these would be compiled once more.
+sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-os.environ["PYTHONPYCACHEPREFIX"] = str(BYTECODE)
 
 SUPPORT = [
     str(Path(__file__).parent / "support" / room) for room in ("engine", "scenes", "flights", "checking", "boards", "serving")
@@ -41,6 +40,17 @@ settings.load_profile("ci" if os.environ.get("CI") else "here")
 def pytest_configure(config):
     if path := os.environ.get("ORTHOMILL_TEST_TIMES"):
         config.pluginmanager.register(TestTimes(Path(path)))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Modules and tests are a million objects that stay: to look for garbage among them is a third of what finding them takes."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)
