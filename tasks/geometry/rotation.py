@@ -61,4 +61,4 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
     """
     U, _, Vt = np.linalg.svd(matrix)
     # U Vt may be a reflection (noise, or points in a plane); changing the sign of the smallest singular value costs least.
-    return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    return (U * np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])) @ Vt

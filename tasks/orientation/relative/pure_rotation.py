@@ -5,6 +5,7 @@ is refined on these matches. Source: Horn 1987 / Umeyama 1991 for the rotation b
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,13 +44,19 @@ def pure_rotation(observations: np.ndarray, c_left: float, c_right: float, thres
 
 def _best_sample(left: np.ndarray, right: np.ndarray, c: float, threshold: float, seed: int) -> np.ndarray:
     """(s,) bool: the matches that agree with the best of the sampled rotations."""
-    rng = np.random.default_rng(seed)
-    own = np.array([rng.choice(len(left), 2, replace=False) for _ in range(SAMPLES)])
+    own = _samples(len(left), seed)
     rotations = np.einsum("nki,nkj->nij", _triads(right[own]), _triads(left[own]))
     # Cosines of the angles between rotated left rays and right rays, of all samples and matches in one product.
     cosines = (right[:, :, None] * left[:, None, :]).reshape(-1, 9) @ rotations.reshape(-1, 9).T
     kept = c * np.sqrt(np.maximum(2.0 - 2.0 * cosines, 0.0)) < threshold
     return np.asarray(kept[:, kept.sum(axis=0).argmax()])
+
+
+@lru_cache(maxsize=4096)
+def _samples(count: int, seed: int) -> np.ndarray:
+    """(SAMPLES, 2) numbers of two different matches out of `count`; kept, for pairs are related again with other cameras."""
+    rng = np.random.default_rng(seed)
+    return np.array([rng.choice(count, 2, replace=False) for _ in range(SAMPLES)])
 
 
 def _triads(pairs: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ five-point start.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -47,7 +48,7 @@ class GeneralOrientation:
     base: np.ndarray
     rotation: np.ndarray
 
-    @property
+    @cached_property
     def across(self) -> np.ndarray:
         """(2, 3): two unit vectors perpendicular to the base."""
         # The null space from an SVD exists for every base; vector products with a coordinate axis fail for one of them.

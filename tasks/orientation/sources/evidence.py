@@ -7,6 +7,7 @@ an elevation model, whose heights are those of one survey.
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,10 @@ class Source(IntEnum):
     CONTROL = 2
     ATTITUDE = 3
     MODEL = 4
+
+
+SOURCES = tuple(Source)
+"""all of them: to go through an enumeration takes longer than to go through its equations"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,11 @@ class Equations:
     sigma: np.ndarray
     expected: np.ndarray
     expected_sigma: np.ndarray
+
+    @cached_property
+    def of_source(self) -> dict[Source, np.ndarray]:
+        """The numbers of the equations of each source."""
+        return {source: np.flatnonzero(self.source == source) for source in SOURCES}
 
 
 def equations(block: RigidBlock, told: Told) -> Equations:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthomill.tasks.orientation.sources.evidence import MOTION, Equations, Source, Told, equations
+from orthomill.tasks.orientation.sources.evidence import MOTION, SOURCES, Equations, Source, Told, equations
 from orthomill.tasks.orientation.sources.hypotheses import Cause
 from orthomill.tasks.orientation.sources.rigid_block import RigidBlock
 
@@ -48,7 +48,7 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
     to start from."""
     motion = np.zeros(7) if near is None else near.motion
     at = block.moved(motion)
-    has, scale = equations(at, told), dict.fromkeys(Source, np.inf)
+    has, scale = equations(at, told), dict.fromkeys(SOURCES, np.inf)
     least, A, reach = _least(has, block.pixel), _with_causes(at, has, causes), _reach(block)
     # Of the motion, what the block has not made yet. Nothing is known of the causes before the first step.
     total = np.zeros(A.shape[1])
@@ -62,7 +62,7 @@ def explained(block: RigidBlock, told: Told, causes: tuple[Cause, ...] = (), nea
             at, total = block.moved(motion), _rest(total)
             has = equations(at, told)
             A = _with_causes(at, has, causes)
-        if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in Source):
+        if all(abs(scale[s] - before[s]) <= NEGLIGIBLE * scale[s] for s in SOURCES):
             break
     motion = motion + total[MOTION]
     at, total = block.moved(motion), _rest(total)
@@ -98,8 +98,8 @@ def _with_causes(block: RigidBlock, has: Equations, causes: tuple[Cause, ...]) -
 
 def _spread(has: Equations, v: np.ndarray, source: Source, start: float) -> float:
     """Estimated by stated standard error of a source."""
-    own = has.source == source
-    count = int(own.sum()) - TAKEN[source]
+    own = has.of_source[source]
+    count = len(own) - TAKEN[source]
     if count < 1:
         return 1.0
     size = v[own] / has.sigma[own]
@@ -112,16 +112,16 @@ def _spread(has: Equations, v: np.ndarray, source: Source, start: float) -> floa
 def _least(has: Equations, pixel: float) -> dict[Source, float]:
     """The smallest scale of each source: the block itself is no better than a share of a pixel on the ground, and nothing of it
     shows less."""
-    own = {source: has.sigma[has.source == source] for source in Source if source not in STATED}
-    return {source: pixel / np.median(own[source]) if len(own.get(source, ())) else 1.0 for source in Source}
+    own = {source: has.sigma[has.of_source[source]] for source in SOURCES if source not in STATED}
+    return {source: pixel / np.median(own[source]) if len(own.get(source, ())) else 1.0 for source in SOURCES}
 
 
 def _scales(has: Equations, v: np.ndarray, scale: dict[Source, float], least: dict[Source, float]) -> dict[Source, float]:
-    return {source: max(_spread(has, v, source, scale[source]), least[source]) for source in Source}
+    return {source: max(_spread(has, v, source, scale[source]), least[source]) for source in SOURCES}
 
 
 def _weights(has: Equations, v: np.ndarray, scale: dict[Source, float]) -> np.ndarray:
-    sigma = has.sigma * np.array([scale[source] for source in Source])[has.source]
+    sigma = has.sigma * np.array([scale[source] for source in SOURCES])[has.source]
     return (FREEDOM + 1.0) / (FREEDOM + (v / sigma) ** 2) / sigma**2
 
 
@@ -141,12 +141,12 @@ def _solved(has: Equations, A: np.ndarray, weight: np.ndarray) -> tuple[np.ndarr
 def _misfits(has: Equations, v: np.ndarray, scale: dict[Source, float], total: np.ndarray) -> tuple[float, float]:
     """The whole misfit, and the part of what has stated standard errors: control, attitudes, expectations."""
     value, stated = 0.0, 0.0
-    for source in Source:
-        own = has.source == source
-        if own.any():
+    for source in SOURCES:
+        own = has.of_source[source]
+        if len(own):
             size = v[own] / (has.sigma[own] * scale[source])
             part = (FREEDOM + 1.0) * np.log1p(size**2 / FREEDOM).sum()
-            part += 2.0 * max(int(own.sum()) - TAKEN[source], 0) * np.log(scale[source])
+            part += 2.0 * max(len(own) - TAKEN[source], 0) * np.log(scale[source])
             value += part
             stated += part if source in STATED else 0.0
     known = np.isfinite(has.expected_sigma)

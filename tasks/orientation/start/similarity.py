@@ -130,15 +130,18 @@ def _samples(trusted: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
 
 def _closed_form(model: np.ndarray, ground: np.ndarray, weight: np.ndarray, vertical: VerticalityConstraint) -> Similarity:
     """The weighted least-squares similarity."""
-    centre_model, centre_ground = np.average(model, axis=0, weights=weight), np.average(ground, axis=0, weights=weight)
+    column = weight[:, None]
+    centre_model, centre_ground = ((points * column).sum(axis=0) / column.sum(axis=0) for points in (model, ground))
     x, X = model - centre_model, ground - centre_ground
+    extent = (weight * (x**2).sum(axis=1)).sum()
     # The ratio of the extents is independent of the rotation and starts the alternation between rotation and scale, which are
     # coupled by the verticality constraint only.
-    scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
+    scale = np.sqrt((weight * (X**2).sum(axis=1)).sum() / extent)
+    upright = vertical.weight * np.outer([0.0, 0.0, 1.0], vertical.direction)
     for _ in range(3):
-        H = scale * (X * weight[:, None]).T @ x + vertical.weight * np.outer([0.0, 0.0, 1.0], vertical.direction)
+        H = scale * (X * column).T @ x + upright
         rotation = nearest_rotation(H)
-        scale = float((weight * (X * (x @ rotation.T)).sum(axis=1)).sum() / (weight * (x**2).sum(axis=1)).sum())
+        scale = float((weight * (X * (x @ rotation.T)).sum(axis=1)).sum() / extent)
         scale = max(scale, 1e-9)
     return Similarity(scale, rotation, centre_ground - scale * rotation @ centre_model)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.reliability import NONCENTRALITY
-from orthomill.tasks.adjustment.solve.mixed_model import solve_mixed
+from orthomill.tasks.adjustment.solve.mixed_model import _singular, solve_mixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,6 +183,19 @@ def test_too_few_conditions_are_refused():
 def test_a_singular_configuration_is_refused():
     with pytest.raises(GeometryError, match="do not determine"):
         solve_mixed(Levelling(np.array([[1, 2], [1, 2], [2, 1]]), np.zeros(2)), np.ones((3, 1)))
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-2, 1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("size", [2, 5, 9])
+def test_the_determinant_spares_the_condition_where_it_tells_the_same(size, apart):
+    """Columns that differ by `apart`: conditions from 1 to what rounding leaves of 1e16."""
+    rng = np.random.default_rng(size)
+    columns = rng.standard_normal((40, 1)) + apart * rng.standard_normal((40, size))
+    normal = columns.T @ columns
+    scale = 1.0 / np.sqrt(np.diag(normal))
+    scaled = normal * scale[:, None] * scale
+    assert _singular(scaled) == (np.linalg.cond(scaled) > 1e14)
+    assert apart > 1e-8 or _singular(scaled)
 
 
 def test_an_iteration_that_does_not_converge_is_an_error():

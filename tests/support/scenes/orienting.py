@@ -1,19 +1,34 @@
 """Runs the chain of the stage on a simulated block, and compares with truth."""
 
+import hashlib
+import pickle
+
 import numpy as np
 
+from orthomill.schemas.orientation import RelativeOrientations
 from orthomill.tasks.adjustment.model.interior_settings import WeightedInterior
 from orthomill.tasks.geometry.rotation import angles
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.exterior.block_choices import BlockChoices
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
 
+_MET: dict[bytes, RelativeOrientations] = {}
+
+
+def related(block):
+    """The related pairs of a block: of the same photographs, cameras and tie points they are found once in a process, for tests
+    differ in control and in choices more often than in these."""
+    key = hashlib.sha256(pickle.dumps((block.photos, block.cameras, block.tie_points))).digest()
+    if key not in _MET:
+        _MET[key] = relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    return _MET[key]
+
 
 def orient(block, given=None, relative=None, heights=None, lattice=None, **changes):
     """The tables of the stage; `relative`: the related pairs, where they are known already; `heights` on a `lattice` of an
     elevation model."""
     usual = {"interior": WeightedInterior(kind="weighted"), "gnss_shift": "auto", "vertical_sigma": 5.0, "rejection": 4.0}
-    relative = relative or relate_pairs(block.photos, block.cameras, block.tie_points, 15)
+    relative = relative or related(block)
     choices = BlockChoices(**(usual | changes))
     measured = block.photos, block.cameras, block.tie_points, block.control, relative
     out = orient_block(*measured, "EPSG:2100", choices, given, heights, lattice)
