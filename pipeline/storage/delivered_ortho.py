@@ -1,10 +1,13 @@
-"""What an orthoimage of any program shows of itself: its pixel, gaps inside it, and colours at the ends of their scale."""
+"""What an orthoimage or a surface of any program shows of itself: its pixel, gaps inside it, colours at the ends of their scale,
+and how much of an area it covers."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import rasterio
 
+from orthomill.pipeline.storage.features.outline_files import read_outlines
 from orthomill.pipeline.storage.map_files import opened_map
 
 _OVERVIEW = 2048
@@ -24,13 +27,7 @@ class OrthoimageFacts:
 
 def orthoimage_facts(path: Path) -> OrthoimageFacts:
     """Reads a file block by block. Raises WorkflowError where it is no georeferenced raster."""
-    from scipy.ndimage import binary_fill_holes
-
     with opened_map(path) as source:
-        scale = max(1, -(-max(source.width, source.height) // _OVERVIEW))
-        shape = max(1, source.height // scale), max(1, source.width // scale)
-        filled = source.dataset_mask(out_shape=shape) > 0
-        outline = binary_fill_holes(filled)
         bands = list(range(1, min(source.count, 3) + 1))
         top = np.iinfo(source.dtypes[0]).max if np.issubdtype(np.dtype(source.dtypes[0]), np.integer) else np.inf
         clipped = coloured = 0
@@ -39,7 +36,50 @@ def orthoimage_facts(path: Path) -> OrthoimageFacts:
             values = source.read(bands, window=window)
             clipped += int((((values == 0) | (values >= top)).any(axis=0) & there).sum())
             coloured += int(there.sum())
-        inside = int(outline.sum())
-        voids = 100.0 * (inside - int(filled.sum())) / inside if inside else 100.0
         crs = source.crs.to_string() if source.crs else ""
-        return OrthoimageFacts(abs(source.transform.a), voids, 100.0 * clipped / max(coloured, 1), crs)
+        return OrthoimageFacts(abs(source.transform.a), _gaps(_filled(source)), 100.0 * clipped / max(coloured, 1), crs)
+
+
+def gaps_of(path: Path) -> float:
+    """Share of the cells inside the outline of a surface that have no height, %. Raises WorkflowError."""
+    with opened_map(path, "EPSG:4326") as source:
+        return _gaps(_filled(source))
+
+
+def covered_share(path: Path, area: Path) -> float:
+    """Share of the polygons of a file in which a raster has values, %, by places a cell of its overview apart. Raises
+    WorkflowError."""
+    with opened_map(path, "EPSG:4326") as source:
+        filled, system = _filled(source), source.crs.to_wkt() if source.crs else "EPSG:4326"
+        step = source.width / filled.shape[1], source.height / filled.shape[0]
+        asked = covered = 0
+        inverse = ~source.transform
+        for outline in read_outlines(area, system):
+            west, south, east, north = outline.bounds
+            # At least a hundred places along a side, however small the polygon is beside the raster.
+            wide = min(abs(source.transform.a) * step[0], (east - west) / 100)
+            high = min(abs(source.transform.e) * step[1], (north - south) / 100)
+            for y in np.arange(south + high / 2, north, high):
+                x = np.arange(west + wide / 2, east, wide)
+                x = x[outline.contains(x, np.full(len(x), y))]
+                col = np.floor((inverse.a * x + inverse.b * y + inverse.c) / step[0]).astype(int)
+                row = np.floor((inverse.d * x + inverse.e * y + inverse.f) / step[1]).astype(int)
+                inside = (col >= 0) & (col < filled.shape[1]) & (row >= 0) & (row < filled.shape[0])
+                asked += len(x)
+                covered += int(filled[row[inside], col[inside]].sum())
+        return 100.0 * covered / asked if asked else 0.0
+
+
+def _filled(source: rasterio.DatasetReader) -> np.ndarray:
+    """Where a raster has values, (rows, cols) bool, no larger than an overview."""
+    scale = max(1, -(-max(source.width, source.height) // _OVERVIEW))
+    shape = max(1, source.height // scale), max(1, source.width // scale)
+    return np.asarray(source.dataset_mask(out_shape=shape) > 0)
+
+
+def _gaps(filled: np.ndarray) -> float:
+    """Share of what the outline surrounds that has no value, %."""
+    from scipy.ndimage import binary_fill_holes
+
+    inside = int(binary_fill_holes(filled).sum())
+    return 100.0 * (inside - int(filled.sum())) / inside if inside else 100.0

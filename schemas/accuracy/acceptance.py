@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from orthomill.schemas.accuracy.acceptance_record import AcceptanceRecord, StandardWording, SystemNames
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyStatement
 from orthomill.schemas.accuracy.point_tests import PointTest
+from orthomill.schemas.project_paths import ProjectPath
 from orthomill.schemas.settings import Settings, setting
 
 Outcome3 = Literal["met", "missed", "not testable"]
@@ -29,6 +30,9 @@ class AcceptanceLimits(Settings):
     )
     pixel: float | None = setting(None, "Pixel of the orthoimage at most.", "m", gt=0)
     voids: float | None = setting(None, "Pixels without colour inside the outline of the orthoimage, at most.", "%", ge=0, le=100)
+    gaps: float | None = setting(None, "Cells without height inside the outline of the surface, at most.", "%", ge=0, le=100)
+    area: ProjectPath | None = setting(None, "File of polygons (GeoPackage, GeoJSON): what was ordered, and has to be covered.")
+    covered: float = setting(100.0, "Share of `area` with colour, and with heights, at least.", "%", gt=0, le=100)
     estimated: float | None = setting(None, "Heights that are estimated instead of measured, at most.", "%", ge=0, le=100)
     clipped: float | None = setting(None, "Pixels of which a colour is quite black or quite white, at most.", "%", ge=0, le=100)
     seams: float | None = setting(None, "Mean difference of the colours of photographs at one place, at most.", "grey levels", gt=0)
@@ -44,8 +48,9 @@ class AcceptanceLimits(Settings):
     @property
     def asks(self) -> bool:
         """Whether there is a clause at all."""
-        limits = (self.plan, self.plan_pixels, self.height, self.pixel, self.voids, self.estimated, self.clipped, self.seams)
-        return self.heights_named or self.plan_stated or any(limit is not None for limit in (*limits, self.earliest, self.latest))
+        of_accuracy = (self.plan, self.plan_pixels, self.height, self.pixel, self.plan_stated or None, self.heights_named or None)
+        of_products = (self.voids, self.gaps, self.area, self.estimated, self.clipped, self.seams, self.earliest, self.latest)
+        return any(limit is not None for limit in (*of_accuracy, *of_products))
 
 
 class NoAcceptance(Settings):
@@ -125,9 +130,12 @@ class DeliveryFacts:
     pixel: float | None = None
     """m, of the orthoimage"""
     voids: float | None = None
+    gaps: float | None = None
     estimated: float | None = None
     clipped: float | None = None
     """%"""
+    covered: tuple[tuple[str, float], ...] = ()
+    """(what was delivered, share of the area that was ordered, %)"""
     seams: float | None = None
     """grey levels"""
     first_day: str | None = None

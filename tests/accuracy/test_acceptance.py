@@ -16,6 +16,8 @@ from orthomill.tasks.accuracy.acceptance.delivered_points import SurveyedPoint, 
 from orthomill.tasks.accuracy.acceptance.inspector import Inspector
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 
+IMAGE = MapGrid(west=0, north=100, cell=0.1, rows=1000, cols=1000)
+
 
 def profile(**given):
     return TypeAdapter(Acceptance).validate_python(given)
@@ -116,6 +118,11 @@ def test_a_profile_that_asks_for_nothing_asks_for_its_limits(kind, part):
         ({"plan_stated": True}, DeliveryFacts(), "accuracy in plan stated", "missed"),
         ({"plan_pixels": 0.4}, stated(0.05), "accuracy in plan", "missed"),
         ({"height": 0.1, "survey_share": 0.5}, stated(0.05, survey=0.06), "survey of the check points in height", "missed"),
+        ({"gaps": 0.5}, DeliveryFacts(gaps=0.4), "gaps of the surface", "met"),
+        ({"gaps": 0.5}, DeliveryFacts(gaps=0.6), "gaps of the surface", "missed"),
+        ({"area": "site.geojson"}, DeliveryFacts(covered=(("surface", 100.0),)), "area covered by the surface", "met"),
+        ({"area": "a.gpkg", "covered": 95.0}, DeliveryFacts(covered=(("orthoimage", 94.0),)), None, "missed"),
+        ({"area": "a.gpkg"}, DeliveryFacts(), None, "not testable"),
         ({"seams": 3.0}, DeliveryFacts(seams=4.0), None, "missed"),
         ({"earliest": "2026-05-01"}, DeliveryFacts(first_day="2026-04-30", last_day="2026-05-02"), None, "missed"),
         ({"latest": "2026-05-31"}, DeliveryFacts(first_day="2026-04-30", last_day="2026-05-02"), None, "met"),
@@ -145,17 +152,25 @@ def test_products_of_another_program_are_inspected():
         SurveyedPoint(f"P{i}", (x, y, 10.0), (0.01, 0.01, 0.01), (x + 0.1, y))
         for i, (x, y) in enumerate(rng.uniform(20, 80, (9, 2)))
     )
-    products = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1)
+    products = inspected(points, grid, lambda cells, window: np.full(window.shape, 10.2), IMAGE)
     found = products.statement
     assert len(products.points) == 9
     assert found.of("nva").fit == pytest.approx(0.2) and found.of("horizontal").fit == pytest.approx(0.1)
     assert found.of("nva").promised is None
 
 
+def test_a_place_outside_of_the_orthoimage_was_not_measured_in_it():
+    """Half of an orthoimage was tested at the points of the whole."""
+    points = tuple(SurveyedPoint(f"P{x}", (x, 50.0, 10.0), (0.01, 0.01, 0.01), (x, 50.0)) for x in (30.0, 99.9, 100.1, -0.1))
+    found = inspected(points, None, None, IMAGE).statement
+    assert found.of("horizontal").points == 2 and {name for name, _ in found.untested} == {"P100.1", "P-0.1"}
+    assert found.untested[0][1] == "place: its measured place lies outside of the orthoimage"
+
+
 def test_points_of_another_program_under_vegetation_are_stated_apart():
     grid = MapGrid(west=0, north=100, cell=1, rows=100, cols=100)
     points = tuple(SurveyedPoint(name, (30.0 + i, 50.0, 10.0), (0.01, 0.01, 0.01)) for i, name in enumerate(("A", "V1", "V2")))
-    given = points, grid, lambda cells, window: np.full(window.shape, 10.2), 0.1
+    given = points, grid, lambda cells, window: np.full(window.shape, 10.2), IMAGE
     found = inspected(*given, ("V*",)).statement
     assert (found.of("nva").points, found.of("vva").points) == (1, 2)
     with pytest.raises(WorkflowError, match=r"No check point is called W1 .*they are A, V1, V2"):

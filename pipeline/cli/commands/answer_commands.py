@@ -129,7 +129,16 @@ def accept(
         profile_of,
         show_acceptance,
     )
-    from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, inputs_of, of_run, recorded, written
+    from orthomill.pipeline.cli.lookups.kept_acceptance import (
+        area_of,
+        as_kept,
+        by_name,
+        digested,
+        inputs_of,
+        of_run,
+        recorded,
+        written,
+    )
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.schemas.errors import WorkflowError
     from orthomill.tasks.lookups import Inspector, accepted, inspected, listed_points
@@ -140,14 +149,14 @@ def accept(
             raise WorkflowError("Give a project that has been run, or files of a delivery with --dsm and --ortho.")
         named = {key: value for key, value in (("plan", plan), ("height", height)) if value is not None}
         limits = profile_of(profile, loaded.project if loaded else None, named)
-        files = Delivered(dsm, ortho, points)
+        files, area = Delivered(dsm, ortho, points), area_of(limits, loaded.root if loaded else Path.cwd())
         delivery, under = " and ".join(path.name for path in (dsm, ortho) if path), tuple(vegetated or ())
         if photos or block:
             if loaded:
                 raise WorkflowError("A project has its photographs and its block; leave --photos and --block out, or the project.")
             seen = _oriented(dsm or ortho, (photos, block), (points, marks), crs)
             facts = facts_by_inspector(
-                seen.run_folder, files, seen.project.crs, partial(Inspector, vegetated=under), ("check", "control")
+                seen.run_folder, files, seen.project.crs, partial(Inspector, vegetated=under), ("check", "control"), area
             )
         elif marks:
             raise WorkflowError("--marks are in photographs; give these with --photos and their orientation with --block.")
@@ -157,17 +166,17 @@ def accept(
                 f"kind: accuracy, vegetated: [{', '.join(under)}]."
             )
         elif loaded and not (dsm or ortho):
-            facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs), loaded.project.project
+            facts, delivery = facts_of_run(loaded.run_folder, loaded.project.crs, area), loaded.project.project
         elif loaded:
             under = under or next((getattr(stage, "vegetated", ()) for stage in loaded.stages if stage.kind == "accuracy"), ())
-            facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, partial(Inspector, vegetated=under))
+            facts = facts_by_inspector(loaded.run_folder, files, loaded.project.crs, partial(Inspector, vegetated=under), area=area)
         else:
-            facts = facts_of_files(files, crs, partial(inspected, vegetated=under), listed_points)
+            facts = facts_of_files(files, crs, partial(inspected, vegetated=under), listed_points, area)
         for remark in facts.remarks:
             err.print(escape(remark), soft_wrap=True)
         own = loaded if loaded and not (dsm or ortho) else None
         sold = of_run(own) if own else by_name((dsm, ortho))
-        used = inputs_of(loaded) if loaded else by_name((points, marks, block))
+        used = inputs_of(loaded) if loaded else by_name((points, marks, block, area))
         result = recorded(accepted(limits, facts, delivery), limits, facts, digested(sold), digested(used))
         if own:
             result = as_kept(result, own.run_folder)
@@ -185,7 +194,7 @@ def _oriented(
 ) -> "LoadedWorkflow":
     """A block of another program with surveyed points, run to its orientation. Raises WorkflowError."""
     from orthomill.pipeline.cli.lookups.inspected_block import inspection_workflow
-    from orthomill.pipeline.cli.progress.project_run import run_project
+    from orthomill.pipeline.cli.progress.project_run import run_below
     from orthomill.pipeline.engine.running import Options
     from orthomill.schemas.errors import WorkflowError
     from orthomill.schemas.memory import MIB
@@ -194,5 +203,5 @@ def _oriented(
     if product is None:
         raise WorkflowError("Photographs and block inspect products: give these with --dsm and --ortho.")
     made = inspection_workflow(product, seen, given, crs, Path.cwd(), STAGES)
-    run_project(made, Options(None, None, 0, 1500 * MIB, sequential=True))
+    run_below(made, Options(None, None, 0, 1500 * MIB, sequential=True))
     return made

@@ -89,7 +89,7 @@ def verify(name: Name, debug: Debug = False) -> None:
         found = verify_results(folder)
         signed = check_signature(folder, covered_page)
         differs = restated(folder, statement_of)
-        said = (*((differs,) if differs else ()), *reaccepted(folder, loaded.project.crs, name, accepted))
+        said = (*((differs,) if differs else ()), *reaccepted(loaded, name, accepted))
         for line in (*verification_lines(found, name), *(signature_lines(signed) if signed else ()), *said):
             out.print(escape(line), soft_wrap=True)
     if found.damaged or said or (signed and not signed.holds):

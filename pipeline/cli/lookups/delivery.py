@@ -15,7 +15,7 @@ from orthomill.pipeline.engine.run_facts import read_facts
 from orthomill.pipeline.engine.running import titles_of
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.report.results import rewrite_page
-from orthomill.pipeline.storage.delivered_ortho import orthoimage_facts
+from orthomill.pipeline.storage.delivered_ortho import covered_share, gaps_of, orthoimage_facts
 from orthomill.pipeline.storage.depots.kept_at import bring_products
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
 from orthomill.pipeline.storage.height_systems import FEET
@@ -55,6 +55,21 @@ class Delivered:
     dsm: Path | None
     ortho: Path | None
     points: Path | None
+
+
+def _shown(delivered: Delivered, area: Path | None) -> dict[str, Any]:
+    """What products show of themselves, as fields of the facts. Raises WorkflowError."""
+    dsm, ortho = delivered.dsm, delivered.ortho
+    picture = orthoimage_facts(ortho) if ortho else None
+    surface = None if dsm is None or is_point_file(dsm) else dsm
+    products = (("orthoimage", ortho), ("surface", surface))
+    return {
+        "pixel": picture.pixel if picture else None,
+        "voids": picture.voids if picture else None,
+        "clipped": picture.clipped if picture else None,
+        "gaps": gaps_of(surface) if surface else None,
+        "covered": tuple((what, covered_share(path, area)) for what, path in products if path and area),
+    }
 
 
 Limits = dict[str, float]
@@ -102,24 +117,23 @@ def _profile(what: str, given: object) -> AcceptanceLimits:
     return chosen
 
 
-def facts_of_run(folder: Path, crs: str) -> DeliveryFacts:
-    """What a finished run delivers."""
+def facts_of_run(folder: Path, crs: str, area: Path | None = None) -> DeliveryFacts:
+    """What a finished run delivers; area: the polygons that were ordered."""
     bring_products(folder)
-    store, ortho = Store(folder), folder / "products" / "ortho.tif"
-    picture = orthoimage_facts(ortho) if ortho.exists() else None
+    store = Store(folder)
+    dsm, ortho = (path if path.exists() else None for path in (folder / "products" / f"{name}.tif" for name in ("dsm", "ortho")))
+    delivered = Delivered(dsm, ortho, None)
     first, last = _days(store)
     run = read_facts(folder)
     stages = [stage.kind for stage in run.stages] if run else []
     return DeliveryFacts(
         statement=store.table(STATEMENT) if store.has_table(STATEMENT) else AccuracyStatement(),
         points=store.table(POINT_TESTS).points if store.has_table(POINT_TESTS) else (),
-        made=f"by orthomill {run.version}, finished {_shown(run.finished)}" if run and run.finished else "",
+        made=f"by orthomill {run.version}, finished {_minute(run.finished)}" if run and run.finished else "",
         known=tuple(_known(store, stages)),
         doubts=tuple(doubt for report in _reports(store, stages) for doubt in report.doubts),
         systems=system_names(crs),
-        pixel=picture.pixel if picture else None,
-        voids=picture.voids if picture else None,
-        clipped=picture.clipped if picture else None,
+        **_shown(delivered, area),
         estimated=_estimated(store),
         seams=_seams(folder),
         first_day=first,
@@ -141,7 +155,7 @@ def _reports(store: Store, stages: list[str]) -> Iterator[StageReport]:
     yield from (store.table(table) for stage in stages if store.has_table(table := report_table(stage)))
 
 
-def _shown(time: str) -> str:
+def _minute(time: str) -> str:
     """2026-05-31 12:30 of an ISO 8601 time."""
     return time[:16].replace("T", " ")
 
@@ -179,22 +193,24 @@ def _seams(folder: Path) -> float | None:
     return float(value) if value is not None else None
 
 
-def facts_of_files(delivered: Delivered, own: str | None, inspect: Inspect, listed: Callable[..., Any]) -> DeliveryFacts:
-    """What files of another program deliver; own: the system of the points, None for that of their list or of the products. Raises
-    WorkflowError for what cannot be read."""
+def facts_of_files(
+    delivered: Delivered, own: str | None, inspect: Inspect, listed: Callable[..., Any], area: Path | None = None
+) -> DeliveryFacts:
+    """What files of another program deliver; own: the system of the points, None for that of their list or of the products; area:
+    the polygons that were ordered. Raises WorkflowError for what cannot be read."""
     for path, option in ((delivered.dsm, "--dsm"), (delivered.ortho, "--ortho"), (delivered.points, "--points")):
         if path is not None and not path.is_file():
             raise WorkflowError(f"There is no file {path} ({option}); correct the path.")
-    picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     grid, heights, crs = _surface(delivered.dsm)
     if crs and delivered.ortho and (of_picture := plan_crs_of(delivered.ortho)) != crs:
         raise WorkflowError(
             f"{delivered.dsm} is in {crs} and {delivered.ortho} in {of_picture or 'no projected system in metres'}: warp one into "
             "the system of the other (gdalwarp -t_srs)."
         )
-    system = crs or (picture.crs if picture else "")
+    system = crs or (delivered.ortho and plan_crs_of(delivered.ortho)) or ""
+    image = read_map_grid(delivered.ortho, system) if delivered.ortho and system else None
     found = listed(*point_list(delivered.points, own), system) if delivered.points else None
-    tested = inspect(found.points, grid, heights, picture.pixel if picture else 0.0) if found else InspectedProducts()
+    tested = inspect(found.points, grid, heights, image) if found else InspectedProducts()
     if found and grid:
         _refuse_elsewhere(found.points, grid, crs, delivered)
     return DeliveryFacts(
@@ -202,9 +218,7 @@ def facts_of_files(delivered: Delivered, own: str | None, inspect: Inspect, list
         statement=tested.statement,
         points=tested.points,
         systems=_systems(delivered),
-        pixel=picture.pixel if picture else None,
-        voids=picture.voids if picture else None,
-        clipped=picture.clipped if picture else None,
+        **_shown(delivered, area),
         crs=system,
     )
 
@@ -238,7 +252,12 @@ def _any_on(grid: MapGrid, x: np.ndarray, y: np.ndarray) -> bool:
 
 
 def facts_by_inspector(
-    folder: Path, delivered: Delivered, crs: str, inspector: Callable[..., Any], roles: tuple[str, ...] = ("check",)
+    folder: Path,
+    delivered: Delivered,
+    crs: str,
+    inspector: Callable[..., Any],
+    roles: tuple[str, ...] = ("check",),
+    area: Path | None = None,
 ) -> DeliveryFacts:
     """Files of another program at the check points of a run (those of these roles), whose photographs show where an orthoimage has
     them. Raises StoreError before the run has a block, WorkflowError for files that cannot be read."""
@@ -252,7 +271,6 @@ def facts_by_inspector(
         lambda photo, level, window: store.read(photo_raster(photo, level), window),
         roles,
     )
-    picture = orthoimage_facts(delivered.ortho) if delivered.ortho else None
     surface, image = _heights_in(delivered.dsm, crs), _colours_in(delivered.ortho, crs)
     first, last = _days(store)
     tested = known.products(surface, image)
@@ -260,9 +278,7 @@ def facts_by_inspector(
         statement=tested.statement,
         points=tested.points,
         systems=_systems(delivered),
-        pixel=picture.pixel if picture else None,
-        voids=picture.voids if picture else None,
-        clipped=picture.clipped if picture else None,
+        **_shown(delivered, area),
         first_day=first,
         last_day=last,
         crs=crs,

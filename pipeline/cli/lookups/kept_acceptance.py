@@ -14,6 +14,7 @@ from orthomill.pipeline.workflow.workflow_checks import named_inputs
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.accuracy.acceptance import AcceptanceLimits, AcceptanceResult, DeliveryFacts
 from orthomill.schemas.accuracy.acceptance_record import AcceptanceRecord, AcceptedFile, SystemNames
+from orthomill.schemas.errors import WorkflowError
 
 PAGE = "acceptance.html"
 """beside the data, in the folder of the run"""
@@ -46,6 +47,11 @@ def _digested(named: Iterable[tuple[str, Path]]) -> Iterator[AcceptedFile]:
         for file in inside:
             known, below = digest_of(file), file.relative_to(path).as_posix()
             yield AcceptedFile(path=name if file == path else f"{name}/{below}", size=known.size, sha256=known.sha256)
+
+
+def area_of(limits: AcceptanceLimits, root: Path) -> Path | None:
+    """The polygons that were ordered, by a name relative to the root of a project or the folder where the user stands."""
+    return root / limits.area if limits.area else None
 
 
 def recorded(
@@ -91,9 +97,10 @@ def as_kept(result: AcceptanceResult, folder: Path) -> AcceptanceResult:
     return kept if result.model_copy(update={"record": dated}) == kept else result
 
 
-def reaccepted(folder: Path, crs: str, name: str, accept: Accept) -> tuple[str, ...]:
+def reaccepted(loaded: LoadedWorkflow, name: str, accept: Accept) -> tuple[str, ...]:
     """Sentences where the acceptance of a run is not the one that follows from its products now; none where there is no acceptance,
     or one of an earlier version. Raises StoreError, WorkflowError."""
+    folder = loaded.run_folder
     if not (folder / ACCEPTANCE).is_file():
         return ()
     kept = read_acceptance(folder)
@@ -102,10 +109,11 @@ def reaccepted(folder: Path, crs: str, name: str, accept: Accept) -> tuple[str, 
         return (f"{ACCEPTANCE} cannot be read; {again}",)
     if kept.record is None:
         return ()
-    return tuple(f"{line}; {again}" for line in _differences(folder, kept, kept.record, crs, accept))
+    return tuple(f"{line}; {again}" for line in _differences(loaded, kept, kept.record, accept))
 
 
-def _differences(folder: Path, kept: AcceptanceResult, record: AcceptanceRecord, crs: str, accept: Accept) -> Iterator[str]:
+def _differences(loaded: LoadedWorkflow, kept: AcceptanceResult, record: AcceptanceRecord, accept: Accept) -> Iterator[str]:
+    folder = loaded.run_folder
     page = folder / PAGE
     if page.is_file() and page.read_bytes() != acceptance_page(kept).encode():
         yield f"{PAGE} does not follow from {ACCEPTANCE}: one of them was changed, or is of another version"
@@ -115,9 +123,16 @@ def _differences(folder: Path, kept: AcceptanceResult, record: AcceptanceRecord,
             yield f"{file.path} is missing, which {ACCEPTANCE} names"
         elif digest_of(path).sha256 != file.sha256:
             yield f"{file.path} is not the file that {ACCEPTANCE} names"
-    facts = facts_of_run(folder, crs)
-    found = accept(profile_from(kept.profile, record.limits), facts, kept.delivery)
-    for was, now in _unlike(kept, found):
+    try:
+        yield from _of_clauses(loaded, kept, record, accept)
+    except WorkflowError as error:
+        yield f"{ACCEPTANCE} cannot be tested again: {error}"
+
+
+def _of_clauses(loaded: LoadedWorkflow, kept: AcceptanceResult, record: AcceptanceRecord, accept: Accept) -> Iterator[str]:
+    limits = profile_from(kept.profile, record.limits)
+    facts = facts_of_run(loaded.run_folder, loaded.project.crs, area_of(limits, loaded.root))
+    for was, now in _unlike(kept, accept(limits, facts, kept.delivery)):
         yield f"{ACCEPTANCE} does not follow from the products: it has '{was}', and they give '{now}'"
     if (record.statement, record.points) != (facts.statement, facts.points):
         yield f"{ACCEPTANCE} holds another test at the check points than this run"

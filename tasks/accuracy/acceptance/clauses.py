@@ -57,12 +57,15 @@ def _clauses(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause
     for words, found, limit, unit in (
         ("pixel of the orthoimage", facts.pixel, profile.pixel, "m"),
         ("voids", facts.voids, profile.voids, "%"),
+        ("gaps of the surface", facts.gaps, profile.gaps, "%"),
         ("estimated heights", facts.estimated, profile.estimated, "%"),
         ("clipped colours", facts.clipped, profile.clipped, "%"),
         ("differences of colours", facts.seams, profile.seams, "grey levels"),
     ):
         if limit is not None:
             yield _at_most(words, found, limit, unit)
+    if profile.area is not None:
+        yield from _coverage(profile, facts)
     yield from _days(profile, facts)
     if profile.heights_named:
         yield _heights_named(facts)
@@ -108,6 +111,14 @@ def _at_most(words: str, found: float | None, limit: float, unit: str) -> Clause
     if found is None:
         return Clause(clause=words, found="not known", limit=f"{limit:g} {unit}", outcome="not testable")
     return Clause(clause=words, found=f"{found:.4g} {unit}", limit=f"{limit:g} {unit}", outcome=_met(found <= limit * _ROUNDING))
+
+
+def _coverage(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:
+    limit = f"{profile.covered:g} % or more"
+    for what, share in facts.covered or (("a product on the map", None),):
+        outcome: Outcome3 = "not testable" if share is None else _met(share >= profile.covered / _ROUNDING)
+        found = "not known" if share is None else f"{share:.4g} %"
+        yield Clause(clause=f"area covered by the {what}", found=found, limit=limit, outcome=outcome)
 
 
 def _days(profile: AcceptanceLimits, facts: DeliveryFacts) -> Iterator[Clause]:

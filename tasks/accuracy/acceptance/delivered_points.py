@@ -29,13 +29,18 @@ class SurveyedPoint:
 
 
 def inspected(
-    points: tuple[SurveyedPoint, ...], grid: MapGrid | None, heights: Heights | None, pixel: float, vegetated: tuple[str, ...] = ()
+    points: tuple[SurveyedPoint, ...],
+    grid: MapGrid | None,
+    heights: Heights | None,
+    image: MapGrid | None,
+    vegetated: tuple[str, ...] = (),
 ) -> InspectedProducts:
-    """The statement about products that state no errors of their own; pixel: of the orthoimage, m, half of which a place errs;
-    vegetated: names or shell patterns of points under vegetation, stated apart. Raises WorkflowError for one that no point has."""
+    """The statement about products that state no errors of their own; image: the pixels of the orthoimage, half of one of which a
+    place errs; vegetated: names or shell patterns of points under vegetation, stated apart. Raises WorkflowError for one that no
+    point has."""
     under, tests = under_vegetation((point.name for point in points), vegetated), []
     for point in points:
-        place = _measured(point, pixel)
+        place = _measured(point, image)
         height = None
         if grid is not None and heights is not None:
             window = cells_around(grid, *point.xyz[:2]).clipped(grid.shape)
@@ -48,10 +53,16 @@ def inspected(
     return unpromised(PointTests(points=tuple(tests), area_km2=area))
 
 
-def _measured(point: SurveyedPoint, pixel: float) -> PlaceTest | None:
-    if point.place:
-        return PlaceTest(reason=TESTED, place=point.place, sigma=(pixel / 2, pixel / 2), photos=0)
-    return PlaceTest(reason="nobody measured it in the orthoimage: ortho_x, ortho_y") if pixel else None
+def _measured(point: SurveyedPoint, image: MapGrid | None) -> PlaceTest | None:
+    if image is None:
+        return None
+    if point.place is None:
+        return PlaceTest(reason="nobody measured it in the orthoimage: ortho_x, ortho_y")
+    col, row = image.pixel(*point.place)
+    if not (-0.5 <= col < image.cols - 0.5 and -0.5 <= row < image.rows - 0.5):
+        return PlaceTest(reason="its measured place lies outside of the orthoimage")
+    half = image.cell / 2
+    return PlaceTest(reason=TESTED, place=point.place, sigma=(half, half), photos=0)
 
 
 def unpromised(tests: PointTests) -> InspectedProducts:

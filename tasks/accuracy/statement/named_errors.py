@@ -191,7 +191,7 @@ def _of_plan(places: np.ndarray, plan: np.ndarray, survey: float) -> list[NamedE
     if fit.sure([2]):
         large = "large" if fit.value[2] > 0 else "small"
         ppm = 1e6 * abs(fit.value[2]) / reach
-        words = f"The scale is wrong: everything is {ppm:.3g} millionths too {large}, {{size}} at the farthest point"
+        words = f"The scale is wrong: everything is {ppm:.0f} millionths too {large}, {{size}} at the farthest point"
         found.append(_error("scale", fit, [2], words))
     if fit.sure([3]):
         turn = "counter-clockwise" if fit.value[3] > 0 else "clockwise"

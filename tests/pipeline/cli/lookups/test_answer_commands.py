@@ -1,6 +1,7 @@
 """`measure`, `covariance` and `accept` on a small run: what they answer, and what they refuse."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -111,7 +112,7 @@ def test_a_run_is_held_against_a_profile(run):
 def kept(run):
     """A run with its acceptance, as the command writes it."""
     (run / "products").mkdir()
-    (run / "products" / "dsm.tif").write_bytes(b"heights")
+    (run / "products" / "points.laz").write_bytes(b"heights")
     limits, facts = profile_of("asprs_2023", None, {"height": 0.1, "estimated": 5.0}), facts_of_run(run, "EPSG:2100")
     result = recorded(accepted(limits, facts, "site"), limits, facts, digested([("products", run / "products")]), ())
     written(result, [run / "acceptance.json", run / "acceptance.html"])
@@ -119,13 +120,14 @@ def kept(run):
 
 
 def again(run):
-    return reaccepted(run, "EPSG:2100", "site", accepted)
+    loaded = SimpleNamespace(run_folder=run, root=run.parent.parent, project=SimpleNamespace(crs="EPSG:2100"))
+    return reaccepted(loaded, "site", accepted)
 
 
 def test_an_acceptance_is_a_document_by_itself(kept):
     assert again(kept) == ()
     text = (kept / "acceptance.html").read_text()
-    assert "products/dsm.tif" in text and "GGRS87 / Greek Grid (EPSG:2100)" in text and "Nothing is proved" in text
+    assert "products/points.laz" in text and "GGRS87 / Greek Grid (EPSG:2100)" in text and "Nothing is proved" in text
     assert "was produced to meet ASPRS" in text and "10-cm RMSE<sub>V</sub>" in text and "not stated: heights are those" in text
     record = json.loads((kept / "acceptance.json").read_text())["record"]
     assert record["files"][0]["sha256"] in text and record["limits"]["points"] == 30
@@ -136,8 +138,8 @@ def test_an_acceptance_is_a_document_by_itself(kept):
     [
         ("acceptance.json", "not testable", "met", "acceptance.json does not follow from the products: it has 'accuracy in height"),
         ("acceptance.html", "0.100 m", "0.010 m", "acceptance.html does not follow from acceptance.json"),
-        ("products/dsm.tif", "heights", "hights", "products/dsm.tif is not the file that acceptance.json names"),
-        ("products/dsm.tif", "heights", None, "products/dsm.tif is missing, which acceptance.json names"),
+        ("products/points.laz", "heights", "hights", "products/points.laz is not the file that acceptance.json names"),
+        ("products/points.laz", "heights", None, "products/points.laz is missing, which acceptance.json names"),
         ("acceptance.json", "{", "", "acceptance.json cannot be read"),
     ],
 )
@@ -148,6 +150,12 @@ def test_what_was_changed_in_an_acceptance_is_named(kept, name, was, now, said):
     if now is not None:
         path.write_text(text.replace(was, now, 1))
     assert any(line.startswith(said) and line.endswith("orthomill accept site") for line in again(kept))
+
+
+def test_a_product_that_cannot_be_read_any_more_ends_no_verification(kept):
+    (kept / "products" / "dsm.tif").write_bytes(b"no picture")
+    (line,) = again(kept)
+    assert line.startswith("acceptance.json cannot be tested again: ") and "is not a GeoTIFF" in line
 
 
 def test_an_acceptance_that_says_the_same_keeps_its_date(kept):
@@ -252,6 +260,20 @@ def test_files_that_are_not_there_or_something_else_are_named(delivered, tmp_pat
         facts_of_files(Delivered(colours, None, None), None, inspected, listed_points)
     with pytest.raises(WorkflowError, match=r"is in EPSG:2100 and .* in EPSG:32634"):
         facts_of_files(Delivered(delivered, colours, None), None, inspected, listed_points)
+
+
+def test_gaps_of_a_surface_and_the_area_that_it_covers(delivered, tmp_path):
+    with rasterio.open(delivered, "r+") as file:
+        file.nodata = -1.0
+        file.write(np.full((20, 50), -1, np.float32), 1, window=((40, 60), (10, 60)))
+    area = tmp_path / "area.geojson"
+    ring = [[399980, 4000000], [400080, 4000000], [400080, 4000100], [399980, 4000100], [399980, 4000000]]
+    named = {"properties": {"name": "EPSG:2100"}}
+    area.write_text(
+        json.dumps({"features": [{"properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}], "crs": named})
+    )
+    facts = facts_of_files(Delivered(delivered, None, None), None, inspected, listed_points, area)
+    assert facts.gaps == pytest.approx(10) and facts.covered == (("surface", pytest.approx(70)),)
 
 
 def test_a_surface_of_another_program_names_its_heights(delivered, tmp_path):
