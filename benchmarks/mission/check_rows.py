@@ -143,7 +143,7 @@ CHECK = (
     Row(
         "Tables 4.18, 4.19: sigma0 of intersections",
         "surface_check.md#table-4-18",
-        "orthomill covariance PROJECT",
+        "orthomill covariance PROJECT --points POINTS",
         "manual points 14, 9, 13 um; matched 16.5, 24.4, 9.3 um",
         Found(
             "published_pair_tables",

@@ -166,7 +166,7 @@ EPIPOLAR = (
     Row(
         "Monoplotting, columns to be searched",
         "epipolar.md#column-interval",
-        "orthomill monoplot PROJECT PHOTO",
+        "orthomill monoplot PROJECT PHOTO --points PIXELS",
         "a square of 20 m",
         Tested("the true column lies in the interval", "tests/matching/guided/test_column_interval.py"),
     ),

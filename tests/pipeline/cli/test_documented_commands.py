@@ -2,25 +2,13 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import pytest
+from documentation import PAGES, ROOT, commands
 from typer.main import get_command
 
 from orthomill.pipeline.cli.commands.application import app
 from orthomill.pipeline.export.export_formats import BY_NAME, FORMATS, names_in_words, with_table
-
-ROOT = Path(__file__).parents[3]
-PAGES = sorted(
-    [ROOT / "README.md", *(p for p in (ROOT / "docs").rglob("*.md") if "api" not in p.parts and "sources" not in p.parts)]
-)
-LINE = re.compile(r"^ {4,}(?:\$ )?((?:\.venv/bin/)?orthomill .*)$|`(orthomill [^`\n]*)`", re.MULTILINE)
-
-
-def commands(page: Path) -> list[str]:
-    """Command lines, without what a comment says, and without those that only name a command (`orthomill status`)."""
-    found = [a or b for a, b in LINE.findall(re.sub(r"\\\n\s*", "", page.read_text()))]
-    return [re.sub(r"\s+#.*$", "", line).removeprefix(".venv/bin/") for line in found]
 
 
 def mistake(line: str) -> str:
