@@ -18,6 +18,9 @@ from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
 
+EXACT = 1e-9
+"""m: an orientation that is given without an error has errors below this"""
+
 
 @dataclass(frozen=True)
 class NodesOnGround:
@@ -84,20 +87,20 @@ def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step:
 def orientation_sigma(pair: EpipolarPair, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Standard error (m) of heights of a pair by its orientation, at ground points x, y, z (same shape, m); NaN stays NaN.
 
-    Bilinear between the nine places of `pair.height_sigmas`, 0 where these are not known; constant beyond the image.
+    Between the nine places of `pair.height_sigmas` its inverse is bilinear, as the inverse of the depth of a plane is: towards the
+    horizon of an oblique pair both grow without bound. 0 where these are not known; constant beyond the image.
     """
     if not pair.height_sigmas:
         return np.where(np.isnan(z), np.nan, 0.0)
     rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
     u, v, w = (row[0] * (x - centre[0]) + row[1] * (y - centre[1]) + row[2] * (z - centre[2]) for row in rotation)
-    # The nine values are far apart and smooth. Clipping keeps the answer positive where a tile leaves the image of the pair; an
-    # extrapolated standard error could become negative there.
+    # Clipping keeps the answer positive where a tile leaves the image of the pair: extrapolated it could become negative there.
     col = np.clip((pair.left_col0 - pair.c * u / w) / (pair.left_cols - 1) * 2, 0.0, 2.0)
     row = np.clip((pair.row0 + pair.c * v / w) / (pair.rows - 1) * 2, 0.0, 2.0)
-    table = np.array(pair.height_sigmas).reshape(3, 3)
+    table = 1.0 / np.maximum(np.array(pair.height_sigmas).reshape(3, 3), EXACT)
     weights = [np.maximum(1.0 - np.abs(col - k), 0.0) for k in range(3)]
     total = np.zeros(np.shape(z))
     for r in range(3):
         for c in range(3):
             total = total + np.maximum(1.0 - np.abs(row - r), 0.0) * weights[c] * table[r, c]
-    return total
+    return 1.0 / total

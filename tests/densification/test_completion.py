@@ -82,7 +82,18 @@ def test_the_datum_error_of_one_value_is_that_value():
 
 def test_two_pairs_do_not_average_the_datum_error_out():
     pairs = [level_pair(height_sigmas=(s,) * 9) for s in (0.1, 0.3)]
-    assert datum_precision(pairs, LEVEL_GRID, WHOLE, 10.0) == pytest.approx(np.sqrt((0.01 + 0.09) / 2))
+    assert datum_precision(pairs * 4, LEVEL_GRID, WHOLE, 10.0) == pytest.approx((2 / (0.1**-2 + 0.3**-2)) ** 0.5)
+
+
+def test_pairs_that_know_next_to_nothing_leave_the_datum_error_of_the_others():
+    """Oblique pairs see ground near their horizon: the height is that of the pairs that measured it."""
+    pairs = [level_pair(height_sigmas=(s,) * 9) for s in (1.0, 1.0, 40.0)]
+    assert datum_precision(pairs, LEVEL_GRID, WHOLE, 10.0).max() < 1.3
+
+
+def test_a_pair_without_covariance_does_not_hide_what_the_others_know():
+    pairs = [level_pair(), level_pair(height_sigmas=(0.3,) * 9)]
+    assert datum_precision(pairs, LEVEL_GRID, WHOLE, 10.0) == pytest.approx(0.3)
 
 
 def test_the_datum_error_is_the_same_in_any_window():

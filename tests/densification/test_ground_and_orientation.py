@@ -72,11 +72,16 @@ def test_the_orientation_part_is_exact_at_its_nine_places():
     assert orientation_sigma(pair, x, y, z).ravel() == pytest.approx(table, abs=1e-9)
 
 
-def test_the_orientation_part_is_linear_between_places():
-    table = np.array([0.0, 1.0, 2.0] * 3)
+def test_the_inverse_of_the_orientation_part_is_linear_between_places():
+    table = np.array([4.0, 4.0 / 3.0, 0.8] * 3)
     pair, x, y, z = at_places(level_pair(), table)
     quarter = x[:, 0] + 0.25 * (x[:, 2] - x[:, 0])
-    assert orientation_sigma(pair, quarter, y[:, 0], z[:, 0]) == pytest.approx(0.5, abs=1e-9)
+    assert orientation_sigma(pair, quarter, y[:, 0], z[:, 0]) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_an_exact_orientation_adds_nothing():
+    pair, x, y, z = at_places(level_pair(), np.zeros(9))
+    assert orientation_sigma(pair, x, y, z).max() < 1e-6
 
 
 def test_the_orientation_part_is_constant_beyond_the_image():

@@ -1,7 +1,8 @@
 """What the orientation adds to the standard error of heights: smooth over the block, common to neighbours.
 
-Strategy: on a lattice of fixed places the variances of the pairs that see the ground there are averaged; between the places the
-standard error is interpolated. It is a property of the orientation alone: whether a cell was matched does not matter.
+Strategy: on a lattice of fixed places the information (one over the variance) of the pairs that see the ground there is averaged;
+between the places the standard error is interpolated. It is a property of the orientation alone: whether a cell was matched does
+not matter.
 """
 
 from collections.abc import Sequence
@@ -25,16 +26,21 @@ def datum_precision(pairs: Sequence[EpipolarPair], grid: MapGrid, window: Window
     cols = np.arange(window.col // SPACING, -(-(window.col + window.width) // SPACING) + 1) * SPACING
     x, y = np.meshgrid(grid.west + (cols + 0.5) * grid.cell, grid.north - (rows + 0.5) * grid.cell)
     places = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
-    seen, total = np.zeros(x.shape), np.zeros(x.shape)
-    outside, anyway = np.zeros(x.shape), np.zeros(x.shape)
+    seen, inside = np.zeros(x.shape), np.zeros(x.shape)
+    known, anywhere = np.zeros(x.shape), np.zeros(x.shape)
     for pair in pairs:
-        variance = orientation_sigma(pair, x, y, np.full(x.shape, z)) ** 2
-        inside = _shown(pair, places).reshape(x.shape)
-        total, seen = total + np.where(inside, variance, 0.0), seen + inside
-        outside, anyway = outside + np.where(np.isfinite(variance), variance, 0.0), anyway + np.isfinite(variance)
-    # The mean of the variances, not the variance of a mean: the datum and the camera constant move all pairs alike, and no number
-    # of pairs averages that out. Next to the block the nearest pairs still say more than zero.
-    mean = np.where(seen > 0, total / np.maximum(seen, 1.0), outside / np.maximum(anyway, 1.0))
+        if not pair.height_sigmas:
+            continue
+        information = orientation_sigma(pair, x, y, np.full(x.shape, z)) ** -2.0
+        shown = _shown(pair, places).reshape(x.shape)
+        inside, seen = inside + np.where(shown, information, 0.0), seen + shown
+        anywhere, known = anywhere + np.where(np.isfinite(information), information, 0.0), known + np.isfinite(information)
+    # The mean of the information, not its sum: the datum and the camera constant move all pairs alike, and no number of pairs
+    # averages that out. Heights that are weighted by information and share their errors wholly cannot have a larger variance than
+    # this one (Cauchy and Schwarz), however little an oblique pair knows of ground near its horizon. Next to the block the nearest
+    # pairs still say more than zero.
+    total, count = np.where(seen > 0, inside, anywhere), np.where(seen > 0, seen, known)
+    mean = np.divide(count, total, out=np.zeros(x.shape), where=total > 0)
     at_row = (np.arange(window.row, window.row + window.height) - rows[0]) / SPACING
     at_col = (np.arange(window.col, window.col + window.width) - cols[0]) / SPACING
     return between(np.sqrt(mean), at_row, at_col)
