@@ -1,14 +1,18 @@
 """What an orthoimage or a surface of any program shows of itself: its pixel, gaps inside it, colours at the ends of their scale,
 and how much of an area it covers."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import rasterio
+from rasterio.errors import RasterioError
 
 from orthomill.pipeline.storage.features.outline_files import read_outlines
 from orthomill.pipeline.storage.map_files import opened_map
+from orthomill.schemas.errors import WorkflowError
 
 _OVERVIEW = 2048
 """px, longest side at which gaps are looked for"""
@@ -27,7 +31,7 @@ class OrthoimageFacts:
 
 def orthoimage_facts(path: Path) -> OrthoimageFacts:
     """Reads a file block by block. Raises WorkflowError where it is no georeferenced raster."""
-    with opened_map(path) as source:
+    with _whole(path) as source:
         bands = list(range(1, min(source.count, 3) + 1))
         top = np.iinfo(source.dtypes[0]).max if np.issubdtype(np.dtype(source.dtypes[0]), np.integer) else np.inf
         clipped = coloured = 0
@@ -42,14 +46,14 @@ def orthoimage_facts(path: Path) -> OrthoimageFacts:
 
 def gaps_of(path: Path) -> float:
     """Share of the cells inside the outline of a surface that have no height, %. Raises WorkflowError."""
-    with opened_map(path, "EPSG:4326") as source:
+    with _whole(path, "EPSG:4326") as source:
         return _gaps(_filled(source))
 
 
 def covered_share(path: Path, area: Path) -> float:
     """Share of the polygons of a file in which a raster has values, %, by places a cell of its overview apart. Raises
     WorkflowError."""
-    with opened_map(path, "EPSG:4326") as source:
+    with _whole(path, "EPSG:4326") as source:
         filled, system = _filled(source), source.crs.to_wkt() if source.crs else "EPSG:4326"
         step = source.width / filled.shape[1], source.height / filled.shape[0]
         asked = covered = 0
@@ -68,6 +72,16 @@ def covered_share(path: Path, area: Path) -> float:
                 asked += len(x)
                 covered += int(filled[row[inside], col[inside]].sum())
         return 100.0 * covered / asked if asked else 0.0
+
+
+@contextmanager
+def _whole(path: Path, system: str | None = None) -> Iterator[rasterio.DatasetReader]:
+    """A raster that is read from end to end; damage in its middle is found, and told as a sentence."""
+    with opened_map(path, system) as source:
+        try:
+            yield source
+        except RasterioError:
+            raise WorkflowError(f"{path} is damaged: parts of it cannot be read; write or fetch it again.") from None
 
 
 def _filled(source: rasterio.DatasetReader) -> np.ndarray:

@@ -19,7 +19,7 @@ from orthomill.schemas.errors import WorkflowError
 
 _ENVELOPES = (0, 32, 48, 48, 64)
 """bytes of an envelope, by its kind"""
-_NAMES = ("name", "label", "id", "fid")
+_NAMES = ("name", "label", "feature", "id", "fid")
 
 
 @dataclass(frozen=True)

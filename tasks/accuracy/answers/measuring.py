@@ -27,6 +27,8 @@ WINDOWS = 196
 """windows, spread over the surface, in which smooth ground is looked for"""
 MOST_CELLS = 40_000_000
 """cells around one feature that are held in memory"""
+_NOTHING = 0.01
+"""m3, below which noise makes nothing that is worth a number"""
 
 
 def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: MeasureRules) -> MeasuredAnswers:
@@ -177,7 +179,9 @@ def _polygon(
     note = "; ".join(filter(None, (words, *_reservations(found))))
     shares = error.measured, error.estimated, error.datum, error.plan
     yield SurfaceAnswer(feature.name, "volume", found.volume, error.sigma, "m3", *shares, note=note)
-    noise = f"noise alone would make {found.noise:.3g} m3 of each"
+    noise = (
+        f"noise alone would make {found.noise:.3g} m3 of each" if found.noise >= _NOTHING else "noise alone would make none of it"
+    )
     yield SurfaceAnswer(feature.name, "cut", found.cut, found.cut_sigma, "m3", note=noise)
     yield SurfaceAnswer(feature.name, "fill", found.fill, found.fill_sigma, "m3", note=noise)
 

@@ -158,6 +158,19 @@ def test_a_product_that_cannot_be_read_any_more_ends_no_verification(kept):
     assert line.startswith("acceptance.json cannot be tested again: ") and "is not a GeoTIFF" in line
 
 
+def test_a_product_with_damage_in_its_middle_is_named(kept):
+    given = {"driver": "GTiff", "width": 100, "height": 100, "count": 1, "dtype": "float32", "crs": "EPSG:2100"}
+    path = kept / "products" / "dsm.tif"
+    with rasterio.open(path, "w", transform=Affine(1, 0, 400000, 0, -1, 4000100), compress="deflate", nodata=-1.0, **given) as file:
+        file.write(np.random.default_rng(0).normal(size=(1, 100, 100)).astype(np.float32))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 255
+    content[600:900] = b"\xff" * 300
+    path.write_bytes(content)
+    (line,) = again(kept)
+    assert "dsm.tif is damaged: parts of it cannot be read" in line
+
+
 def test_an_acceptance_that_says_the_same_keeps_its_date(kept):
     known = AcceptanceResult.model_validate_json((kept / "acceptance.json").read_bytes())
     record = known.record.model_copy(update={"tested": "2030-01-01T00:00:00+00:00"})
