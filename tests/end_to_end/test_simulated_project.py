@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import rasterio
 from rasterio.enums import ColorInterp
-from simulated_run import PROJECT, Run, quarter_in
-from small_site import command, results_of
+from simulated_run import PROJECT, Run
+from small_site import command, command_in, results_of
 
 from orthomill.pipeline.records.records import Records
 from orthomill.schemas.bare_ground import CellClass
@@ -88,13 +88,16 @@ def test_a_changed_texture_setting_runs_only_what_depends_on_it(copy):
     assert figures["run.evaluation.jobs_skipped"] > 10, "the heights do not depend on it and need no new evaluation"
 
 
-def test_one_process_and_dask_agree_bit_for_bit(tmp_path):
-    alone, both = quarter_in(tmp_path / "alone", "--sequential"), quarter_in(tmp_path / "both", "--workers", "2")
-    one, two = results_of(alone.root, PROJECT), results_of(both.root, PROJECT)
+def test_one_process_and_dask_agree_bit_for_bit(run, tmp_path):
+    """One process: that of the tests, which has loaded libraries and kernels already."""
+    shutil.copytree(run.root / "workflows", tmp_path / "workflows")
+    command_in(tmp_path, "run", PROJECT, "--sequential")
+    one, two = results_of(tmp_path, PROJECT), results_of(run.root, PROJECT)
     assert sorted(one) == sorted(two) and {name.split("/")[1] for name in one} >= set(STAGES)
     assert [name for name in one if one[name] != two[name]] == []
-    products = [path.relative_to(both.folder) for path in sorted((both.folder / "products").rglob("*")) if path.is_file()]
-    assert [name for name in products if (both.folder / name).read_bytes() != (alone.folder / name).read_bytes()] == []
+    alone = tmp_path / "runs" / PROJECT
+    products = [path.relative_to(alone) for path in sorted((alone / "products").rglob("*")) if path.is_file()]
+    assert [name for name in products if (run.folder / name).read_bytes() != (alone / name).read_bytes()] == []
 
 
 # --- what was measured -------------------------------------------------------------------------------------------------------

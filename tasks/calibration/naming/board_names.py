@@ -102,8 +102,9 @@ def _named(views: BoardViews, places: np.ndarray, local: np.ndarray, fit: float)
     best, score, second = NamedPhoto(np.full(len(xy), -1), np.zeros(len(xy), int), None, False), (0, -np.inf), -np.inf
     points = on_map(places, local)
     size = np.array([np.linalg.norm(np.nanmax(board, axis=0) - np.nanmin(board, axis=0)) for board in xy])
+    met: dict[bytes, _Grown] = {}
     for start in product(range(len(xy)), range(len(places)), range(len(views.orders))):
-        names, turns, projection, misfit = _grown(start, views, points, size)
+        names, turns, projection, misfit = _grown(start, views, points, size, met)
         trial = (int((names >= 0).sum()), -misfit)
         same = np.array_equal(names, best.names) and np.array_equal(turns, best.turns)
         if not misfit < fit or trial[0] < score[0] or same:
@@ -127,14 +128,20 @@ def _most_central(photo: NamedPhoto, xy: np.ndarray) -> NamedPhoto:
     return replace(photo, names=np.where(np.arange(len(xy)) == board, photo.names, -1), certain=False)
 
 
+_Grown = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+"""Names (B,), turns (B,), projection and mean misfit (in sizes of a board)."""
+
+
 def _grown(
-    start: tuple[int, int, int], views: BoardViews, points: np.ndarray, size: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Names (B,), turns (B,), projection and mean misfit (in sizes of a board) that follow from one pair of photo board and map
-    board, and the order of its corners."""
+    start: tuple[int, int, int], views: BoardViews, points: np.ndarray, size: np.ndarray, met: dict[bytes, _Grown]
+) -> _Grown:
+    """What follows from one pair of photo board and map board, and the order of its corners; `met`: what followed from the names
+    and turns that other starts went through, at which this one may arrive in another order."""
     names, turns = np.full(len(views.xy), -1), np.zeros(len(views.xy), int)
     names[start[0]], turns[start[0]] = start[1:]
-    while True:
+    passed: list[bytes] = []
+    while (state := names.tobytes() + turns.tobytes()) not in met:
+        passed.append(state)
         known = np.flatnonzero(names >= 0)
         projection = views.turned(turns).projection(known, points[names[known]])
         seen = imaged(projection, points)
@@ -145,8 +152,11 @@ def _grown(
         off[known], off[:, names[known]] = np.inf, np.inf
         board, name = np.unravel_index(off.argmin(), off.shape)
         if off[board, name] > _NEAR:
-            return names, turns, projection, float(own.mean())
+            met[state] = names, turns, projection, float(own.mean())
+            break
         names[board], turns[board] = name, turn[board, name]
+    met |= dict.fromkeys(passed, met[state])
+    return met[state]
 
 
 def _misfits(xy: np.ndarray, computed: np.ndarray) -> np.ndarray:
