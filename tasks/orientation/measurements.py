@@ -1,5 +1,7 @@
 """From tables to arrays: image measurements as rays, in the order that the adjustment needs."""
 
+from typing import Any
+
 import numpy as np
 
 from orthomill.schemas.camera import Camera, Cameras
@@ -12,7 +14,12 @@ from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 
 def centred(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Pixels (N, 2) (col, row) to image coordinates (N, 2) from the image centre, y up, distortion included."""
-    return np.column_stack([pixels[:, 0] - (camera.width - 1) / 2, (camera.height - 1) / 2 - pixels[:, 1]])
+    return np.column_stack(_from_centre(camera, pixels[:, 0], pixels[:, 1]))
+
+
+def _from_centre(camera: Camera, col: Any, row: Any) -> tuple[Any, Any]:
+    """Image coordinates of a pixel or of arrays of them, as `centred`."""
+    return col - (camera.width - 1) / 2, (camera.height - 1) / 2 - row
 
 
 def tie_rays(photos: Photos, cameras: Cameras, tie_points: TiePoints) -> tuple[Rays, np.ndarray]:
@@ -32,7 +39,7 @@ def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cam
     """Rays of surveyed points to the photographs of the block, `photos`: name -> number. Points are numbered as given; rays are
     sorted by point, then photograph."""
     rows = sorted(
-        (i, photos[name], *centred(cameras.of(name), np.array([measured[:2]]))[0], measured[2])
+        (i, photos[name], *_from_centre(cameras.of(name), *measured[:2]), measured[2])
         for i, point in enumerate(points)
         for name, measured in point.measurements.items()
         if name in photos
@@ -45,7 +52,8 @@ def ground_rays(points: list[ControlPoint], photos: dict[str, int], cameras: Cam
 
 def with_interior(camera: Camera, values: np.ndarray) -> Camera:
     """The camera with other interior parameters (17,)."""
-    return camera.with_interior(values)
+    # Lists of marks are tried in thousands of ways with the cameras as they are, and a copy takes longer than the comparison.
+    return camera if tuple(values) == camera.interior else camera.with_interior(values)
 
 
 def ideal(camera: Camera, xy: np.ndarray) -> np.ndarray:

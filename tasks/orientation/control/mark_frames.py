@@ -133,9 +133,10 @@ def _refined(points: list[ControlPoint], photos: Photos, frame: MarkFrame, scatt
 
 def _counted(points: list[ControlPoint], photos: Photos, frame: MarkFrame, factor: float) -> list[ControlPoint]:
     """The points with marks as the frame counts them; none where it puts a mark outside of its photograph."""
-    changed = [_with_marks(point, _marks(point, photos, frame, factor)) for point in points]
-    inside = (photos[name].holds(col, row) for point in changed for name, (col, row, _) in point.measurements.items())
-    return changed if all(inside) else []
+    changed = [tuple(_marks(point, photos, frame, factor)) for point in points]
+    if not all(photos[name].holds(col, row) for marks in changed for name, (col, row, _) in marks):
+        return []
+    return [_with_marks(point, marks) for point, marks in zip(points, changed, strict=True)]
 
 
 def _with_marks(point: ControlPoint, marks: Iterable[_Mark]) -> ControlPoint:
