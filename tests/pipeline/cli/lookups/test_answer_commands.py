@@ -128,7 +128,11 @@ def test_an_acceptance_is_a_document_by_itself(kept):
     assert again(kept) == ()
     text = (kept / "acceptance.html").read_text()
     assert "products/points.laz" in text and "GGRS87 / Greek Grid (EPSG:2100)" in text and "Nothing is proved" in text
-    assert "was produced to meet ASPRS" in text and "10-cm RMSE<sub>V</sub>" in text and "not stated: heights are those" in text
+    assert (
+        "was produced to meet ASPRS" in text
+        and "10-cm RMSE<sub>V</sub>" in text
+        and "not stated: heights are as the survey" in text
+    )
     record = json.loads((kept / "acceptance.json").read_text())["record"]
     assert record["files"][0]["sha256"] in text and record["limits"]["points"] == 30
 
