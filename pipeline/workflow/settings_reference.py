@@ -47,7 +47,8 @@ def _section(model: type[BaseModel], prefix: str, written: dict[type[BaseModel],
                 yield from ("", f"### {heading}", "", f"As {written[part]}.")
                 continue
             written[part] = heading
-            yield from ("", f"### {heading}", "", *_about(part), *_section(part, f"{prefix}{name} > ", written))
+            inner = f"{prefix}{name}{f' ({kind})' if kind else ''} > "
+            yield from ("", f"### {heading}", "", *_about(part), *_section(part, inner, written))
 
 
 def _about(model: type[BaseModel]) -> tuple[str, ...]:

@@ -131,6 +131,14 @@ def test_triangles_that_face_opposite_ways_are_counted():
 GRID = MapGrid(west=476000.0, north=4204000.0, cell=0.5, rows=6, cols=8)
 
 
+@pytest.mark.parametrize("every", [1, 2, 4])
+def test_cells_of_half_metres_are_no_rounding(every):
+    """Their middles are numbers that 32 bits hold, as the heights are."""
+    grid = MapGrid(west=407600.25, north=4357292.25, cell=0.5, rows=40, cols=40)
+    heights = np.random.default_rng(3).normal(30, 0.1, grid.shape).astype(np.float32)
+    assert mend_heights(heights, grid, every).census.triangles == 2 * (40 // every - 1) ** 2
+
+
 def test_a_height_model_becomes_triangles_that_face_upwards_around_its_holes():
     heights = np.add.outer(np.arange(6.0), 0.5 * np.arange(8.0))
     heights[2, 3] = np.nan

@@ -51,7 +51,8 @@ def mend_heights(heights: np.ndarray, grid: MapGrid, every: int) -> MendedMesh:
     mesh = height_triangles(part, thin)
     if not len(mesh.triangles):
         raise GeometryError("The surface model has no three heights beside each other; nothing can be projected.")
-    return mend_mesh(mesh, "m", (0.0, 0.0, 0.0))
+    # No file has rounded it, although cells of whole or half metres look as if one had.
+    return _mended(mesh, mesh.vertices + mesh.origin, from_file=False)
 
 
 def mend_mesh(
@@ -65,13 +66,18 @@ def mend_mesh(
     stored = mesh.vertices + mesh.origin
     stored = np.column_stack([stored[:, 0], -stored[:, 2], stored[:, 1]]) if y_up else stored
     points = (stored * METRES[unit] if not systems[0] else in_system(stored, METRES[unit], *systems)) + shift
+    return _mended(mesh, points, systems[0], from_file=True)
+
+
+def _mended(mesh: TriangleMesh, points: np.ndarray, system: str = "", *, from_file: bool) -> MendedMesh:
+    """The usable part of a mesh whose vertices lie at `points` (V, 3), m in the project's system; a file may have rounded them."""
     finite = np.asarray(np.isfinite(points).all(axis=1))
     if not finite.any():
         raise GeometryError("The mesh has no vertex with finite coordinates; export it again.")
     low, high = points[finite].min(axis=0), points[finite].max(axis=0)
     # A round place, so that a user can find it again; near the middle, where float32 is finest.
     origin = np.round(0.5 * (low + high))
-    points -= origin
+    points = points - origin
     cloud = not len(mesh.triangles)
     triangles = triangulated(points, finite) if cloud else mesh.triangles
     known = np.asarray(finite[triangles].all(axis=1))
@@ -85,7 +91,8 @@ def mend_mesh(
             f"finite, {int(flat.sum())} have no area; export it again."
         )
     edge = _median_edge(points, kept)
-    _refuse_rounded(mesh.vertices, _median_edge(mesh.vertices, kept))
+    if from_file:
+        _refuse_rounded(mesh.vertices, _median_edge(mesh.vertices, kept))
     kept = kept[spatial_order(in_parts(points, kept, _middles))]
     needed = np.zeros(len(points), bool)
     needed[kept.ravel()] = True
@@ -104,7 +111,7 @@ def mend_mesh(
         bodies=bodies,
         open_edges=borders,
         turned_edges=turned,
-        system=systems[0],
+        system=system,
         median_edge=edge,
         origin=_three(origin),
         low=_three(points.min(axis=0) + origin),

@@ -30,7 +30,15 @@ def test_every_kind_of_a_tagged_union_has_its_own_table():
 def test_a_model_used_in_two_places_is_described_once():
     page = settings_reference(CATALOGUE)
     assert page.count("| `pattern` |") == 1
-    assert "### `cameras > photographs` of kind `folder`\n\nAs `photographs` of kind `folder`." in page
+    assert "### `cameras (chessboards) > photographs` of kind `folder`\n\nAs `photographs` of kind `folder`." in page
+
+
+def test_a_table_that_stands_elsewhere_is_named_by_the_kind_it_stands_under():
+    from orthomill.tasks.catalogue import STAGES
+
+    lines = settings_reference(STAGES).splitlines()
+    itself = [line for title, line in zip(lines, lines[2:], strict=False) if line == f"As {title.removeprefix('### ')}."]
+    assert itself == [] and "### `outputs (plane) > section` of kind `box`" in lines
 
 
 def test_fields_in_words():
