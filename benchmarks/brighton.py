@@ -65,6 +65,7 @@ RANKED = (
     Provenance.DISPUTED,
     Provenance.VOLUME,
     Provenance.COARSE,
+    Provenance.WATER,
     Provenance.INCOHERENT,
     Provenance.INTERPOLATED,
 )

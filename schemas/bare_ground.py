@@ -32,6 +32,7 @@ class TerrainCode(IntEnum):
     UNDER_BUILDING = 2
     UNDER_WOOD = 3
     GUESSED = 4
+    WATER = 5
 
 
 TERRAIN_CODES: tuple[tuple[int, str, str], ...] = (
@@ -40,6 +41,7 @@ TERRAIN_CODES: tuple[tuple[int, str, str], ...] = (
     (TerrainCode.UNDER_BUILDING, "#c1523c", "bridged under a building"),
     (TerrainCode.UNDER_WOOD, "#2f6b33", "bridged under trees and shrubs"),
     (TerrainCode.GUESSED, "#7b3294", "guessed: no ground was measured here, or none on one side"),
+    (TerrainCode.WATER, "#08519c", "outlined water: the level of its shore"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

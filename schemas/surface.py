@@ -60,13 +60,14 @@ class Provenance(IntEnum):
     VOLUME = 5
     INCOHERENT = 6
     COARSE = 7
+    WATER = 8
 
 
 MEASURED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED, Provenance.VOLUME)
 """codes of heights that photographs measured"""
 GUESSED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
 """codes of heights without evidence of their own, with a standard error of metres"""
-ESTIMATED = (*GUESSED, Provenance.COARSE)
+ESTIMATED = (*GUESSED, Provenance.COARSE, Provenance.WATER)
 """codes of heights that no photographs measured in their own cell: a guess, or the height of what is around; never shown or counted
 as measured"""
 
@@ -95,10 +96,11 @@ PROVENANCE_CODES: tuple[tuple[int, str, str], ...] = (
     (Provenance.ONE_PAIR, "#2c7bb6", "measured in one pair"),
     (Provenance.AGREED, "#1a9641", "measured in two or more pairs that agree"),
     (Provenance.DISPUTED, "#fdae61", "measured in several pairs that disagree: the best supported height"),
-    (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours; the level of outlined water"),
+    (Provenance.INTERPOLATED, "#d7191c", "estimated: interpolated between its neighbours"),
     (Provenance.VOLUME, "#a6d96a", "measured by all photographs together, in no single pair"),
     (Provenance.INCOHERENT, "#f46d43", "estimated: the photographs together prefer it, but its neighbours contradict it"),
     (Provenance.COARSE, "#c2a5cf", "estimated: photographs show it, less sharply than its cell: a crown without leaves"),
+    (Provenance.WATER, "#08519c", "outlined water: the level of its shore"),
 )
 """(code, colour, meaning) for pictures and tables"""
 

@@ -98,6 +98,6 @@ def levelled(cells: FusedCells, water: WaterLevels, grid: MapGrid, window: Windo
                 np.where(inside, np.float32(level), cells.height),
                 np.where(inside, np.float32(sigma), cells.precision),
                 np.where(inside, np.uint8(0), cells.count),
-                np.where(inside, np.uint8(Provenance.INTERPOLATED), cells.provenance),
+                np.where(inside, np.uint8(Provenance.WATER), cells.provenance),
             )
     return cells

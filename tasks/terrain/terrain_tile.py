@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthomill.schemas.bare_ground import PointClasses
+from orthomill.schemas.bare_ground import CellClass, PointClasses, TerrainCode
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import MEASURED, Surface, SurfacePoints
+from orthomill.schemas.surface import MEASURED, Provenance, Surface, SurfacePoints
 from orthomill.tasks.terrain.ground.block_heights import block_heights
 from orthomill.tasks.terrain.ground.bridges import BareBlocks, bridge
 from orthomill.tasks.terrain.ground.continued_ground import STEPS, continued
@@ -197,11 +197,26 @@ def terrain_tile(
     codes = terrain_codes(np.isfinite(found.height), found.measured, found.bridged, np.nan_to_num(above), roof)
     precision = np.hypot(found.sigma, found.datum)
     whole = TerrainTile(found.height, precision, found.sigma, codes, above.astype(np.float32), cell_classes(codes, above, measured))
+    whole = _with_water(whole, heights, sigma, found.datum, provenance == Provenance.WATER)
     inner = core.within(windows[0]).slices
     wanted = surface.wanted.cells(surface.grid, core)
     own = TerrainTile(*(values[inner] for values in whole))
     # The code of nothing is 0, and an empty height no number.
     return TerrainTile(*(np.where(wanted, v, v.dtype.type(np.nan if v.dtype.kind == "f" else 0)) for v in own))
+
+
+def _with_water(terrain: TerrainTile, level: np.ndarray, sigma: np.ndarray, datum: np.ndarray, water: np.ndarray) -> TerrainTile:
+    """The terrain with outlined `water` (rows, cols) bool as the surface has it: level and sigma among neighbours, datum m."""
+    here = TerrainTile(
+        height=level,
+        # far from all ground nothing tells the datum of blocks
+        precision=np.hypot(sigma, np.nan_to_num(datum)),
+        relative=sigma,
+        code=np.full(water.shape, TerrainCode.WATER, np.uint8),
+        above=np.zeros(water.shape, np.float32),
+        cell_class=np.full(water.shape, CellClass.WATER, np.uint8),
+    )
+    return TerrainTile(*(np.where(water, new, old).astype(old.dtype) for new, old in zip(here, terrain, strict=True)))
 
 
 def classify_points(

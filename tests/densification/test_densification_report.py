@@ -42,7 +42,7 @@ def matching(converged=800, failed=200, outside=500, y=(0.1, -0.1)) -> MatchingS
 def cells(empty=10, one=50, agreed=30, disputed=2, filled=3, volume=4, incoherent=1) -> SurfaceStatistics:
     classes = [0] * CLASSES
     classes[3] = one + agreed + disputed + volume
-    codes = (empty, one, agreed, disputed, filled, volume, incoherent, 0)
+    codes = (empty, one, agreed, disputed, filled, volume, incoherent, 0, 0)
     return SurfaceStatistics(provenance=codes, precision=tuple(classes), datum=tuple(classes), spikes=4, lowest=1.234)
 
 
@@ -106,7 +106,7 @@ def test_the_outcomes_of_every_pair_are_listed():
 
 def test_the_origin_of_the_heights_is_listed_by_code():
     rows = reported().grids[2].rows
-    assert [row[0] for row in rows] == list(Provenance) and [row[2] for row in rows] == [10, 50, 30, 2, 3, 4, 1, 0]
+    assert [row[0] for row in rows] == list(Provenance) and [row[2] for row in rows] == [10, 50, 30, 2, 3, 4, 1, 0, 0]
     assert sum(row[3] for row in rows) == pytest.approx(1.0, abs=1e-3)
 
 

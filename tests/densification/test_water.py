@@ -65,7 +65,7 @@ def test_inside_there_is_one_height_which_nobody_measured_and_outside_nothing_ch
         after = levelled(part, water, GRID, window)
         lake = WantedArea(polygons=((LAKE,),)).cells(GRID, window)
         assert np.unique(after.height[lake]).tolist() == [np.float32(water.levels[0])]
-        assert (after.provenance[lake] == Provenance.INTERPOLATED).all() and (after.count[lake] == 0).all()
+        assert (after.provenance[lake] == Provenance.WATER).all() and (after.count[lake] == 0).all()
         assert after.precision[lake] == pytest.approx(water.sigmas[0])
         dry = ~OUTLINES.cells(GRID, window)
         assert np.array_equal(after.height[dry], part.height[dry]) and np.array_equal(after.provenance[dry], part.provenance[dry])

@@ -34,6 +34,7 @@ NUMBERS = {
         "VOLUME": 5,
         "INCOHERENT": 6,
         "COARSE": 7,
+        "WATER": 8,
     },
     Material: {"OPEN_GROUND": 1, "FIELD": 2, "ROAD": 3, "ROOF": 4, "TREE": 5, "WATER": 6, "VEHICLE": 7, "WIRE": 8},
 }

@@ -119,6 +119,29 @@ def test_a_point_is_judged_by_its_own_height():
     assert found.tolist() == [CellClass.GROUND, CellClass.GROUND, CellClass.UNCLASSIFIED, CellClass.LOW_NOISE, CellClass.LOW_NOISE]
 
 
+def test_waves_are_water_and_what_stands_out_of_it_is_not_classified():
+    z, ground, sigma = np.array([10.05, 11.0, 9.0]), np.full(3, 10.0), np.full(3, 0.1)
+    found = point_classes(z, ground, sigma, np.full(3, CellClass.WATER, np.uint8))
+    assert found.tolist() == [CellClass.WATER, CellClass.UNCLASSIFIED, CellClass.UNCLASSIFIED]
+
+
+LAKE = slice(20, 60), slice(200, 250)
+
+
+def test_outlined_water_is_level_in_the_terrain_and_has_codes_of_its_own():
+    dry, project = terrain(384), HillyProject(384).fill(1.0)
+    for name, value in ((HEIGHT, 95.0), (RELATIVE_PRECISION, 0.2), (PROVENANCE, Provenance.WATER)):
+        project.rasters[name][LAKE] = value
+    project.run(TerrainStage(widest_object=30.0, max_gap=60.0))
+    found = project.rasters
+    assert (found[TERRAIN][LAKE] == 95.0).all() and (found[ABOVE_GROUND][LAKE] == 0.0).all()
+    assert found[TERRAIN_PRECISION][LAKE] == pytest.approx(np.hypot(0.2, 0.01), abs=1e-3)
+    assert (found[TERRAIN_CODE][LAKE] == TerrainCode.WATER).all() and (found[CELL_CLASS][LAKE] == CellClass.WATER).all()
+    # What is learned of the whole block from its open ground changes a little.
+    assert np.abs(found[TERRAIN] - dry.rasters[TERRAIN])[150:].max() < 0.1
+    assert "% is guessed, 2 % is water." in project.tables[report_table("terrain").path].verdict.sentence
+
+
 def test_the_report_tells_shares_errors_and_what_was_hidden():
     report = terrain(384).tables[report_table("terrain").path]
     figures = {figure.name: figure.value for figure in report.figures}

@@ -112,4 +112,5 @@ def point_classes(z: np.ndarray, ground: np.ndarray, sigma: np.ndarray, cell_cla
     )
     classes = np.where(standing & (np.abs(above) <= 0.5 * LOW), CellClass.GROUND, classes)
     classes = np.where((classes == CellClass.GROUND) & (above > near), CellClass.UNCLASSIFIED, classes)
-    return np.where(above < -near, CellClass.LOW_NOISE, classes).astype(np.uint8)
+    classes = np.where((classes == CellClass.WATER) & (np.abs(above) > near), CellClass.UNCLASSIFIED, classes)
+    return np.where((above < -near) & (cell_class != CellClass.WATER), CellClass.LOW_NOISE, classes).astype(np.uint8)

@@ -25,7 +25,9 @@ _NAMES = {
     TerrainCode.UNDER_BUILDING: "under_buildings",
     TerrainCode.UNDER_WOOD: "under_wood",
     TerrainCode.GUESSED: "guessed",
+    TerrainCode.WATER: "water",
 }
+_INVENTED = (TerrainCode.UNDER_BUILDING, TerrainCode.UNDER_WOOD, TerrainCode.GUESSED)
 _PRODUCTS = (
     Product(
         path="products/terrain.tif",
@@ -100,13 +102,13 @@ def terrain_report(
 def _verdict(totals: _TerrainTotals) -> Verdict:
     if not totals.terrain:
         return Verdict(level="poor", sentence="There is no terrain: nowhere was ground found among the measured heights.")
-    measured = totals.share(TerrainCode.MEASURED)
+    measured, water = totals.share(TerrainCode.MEASURED), totals.share(TerrainCode.WATER)
     level: Literal["good", "fair", "poor"] = "good" if measured >= 100 * _GOOD else "fair" if measured >= 100 * _FAIR else "poor"
     return Verdict(
         level=level,
         sentence=f"{measured:.0f} % of the terrain is measured ground; {totals.share(TerrainCode.UNDER_BUILDING):.0f} % is bridged "
         f"under buildings, {totals.share(TerrainCode.UNDER_WOOD):.0f} % under trees and shrubs, "
-        f"{totals.share(TerrainCode.GUESSED):.0f} % is guessed.",
+        f"{totals.share(TerrainCode.GUESSED):.0f} % is guessed{f', {water:.0f} % is water' if water else ''}.",
     )
 
 
@@ -117,7 +119,7 @@ def _answers(totals: _TerrainTotals) -> tuple[Answer, ...]:
     text = f"{totals.share(TerrainCode.MEASURED):.0f} % measured"
     if known is not None:
         text += f", standard error {_metres(known)}"
-    squares, cells = sum(totals.squares[2:]), sum(totals.cells[2:])
+    squares, cells = (sum(of[code] for code in _INVENTED) for of in (totals.squares, totals.cells))
     if cells:
         text += f"; the rest bridged or guessed, {_metres(sqrt(squares / cells))}"
     return (Answer(topic=Topic.TERRAIN, text=text),)
