@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from documentation import PAGES, ROOT, commands
 from simulated_run import PROJECT
+from small_site import command
 from typer.testing import CliRunner
 
 from orthomill.pipeline.cli.commands.application import app
@@ -35,7 +36,8 @@ STAND_INS = {
 MISSED = 3
 """exit code of `accept` where a clause is missed or cannot be tested"""
 ELSEWHERE = {
-    r"orthomill \w+|orthomill inspect window-size|orthomill cluster|orthomill accept PROJECT .*": "names a command and types none",
+    r"orthomill \w+( --\w+)?|orthomill inspect window-size|orthomill cluster": "names a command and types none",
+    r"orthomill accept PROJECT .*": "names a command and types none",
     r"orthomill (run|plan|clean|init|doctor) .*": "tests/end_to_end/test_simulated_project.py",
     r"orthomill (view|watch|dashboard) .*": "tests/pipeline/watching",
     r"orthomill mark .*": "tests/pipeline/serving/test_marking_page.py",
@@ -99,6 +101,17 @@ def test_a_command_of_the_documentation_does_its_work(world, monkeypatch, line):
     ended = CliRunner().invoke(app, words, input="y\n")
     assert "Traceback" not in ended.output and ended.output.strip(), line
     assert ended.exit_code in ((0, MISSED) if words[0] == "accept" else (0,)), f"{line}: {ended.output}"
+
+
+def test_a_run_with_a_profile_holds_itself_against_it(world, monkeypatch):
+    monkeypatch.chdir(world)
+    said = command("run", PROJECT)
+    page = world / "runs" / PROJECT / "acceptance.html"
+    assert "0 jobs run" in said and "is not complete by asprs_2023" in said and str(page.name) in said
+    assert "ASPRS Positional Accuracy Standards" in page.read_text()
+    before = page.read_bytes()
+    command("run", PROJECT)
+    assert page.read_bytes() == before, "nothing has changed, and what was signed still holds"
 
 
 def test_what_is_left_to_other_tests_is_tested_there():

@@ -127,14 +127,13 @@ def accept(
         facts_of_files,
         facts_of_run,
         profile_of,
-        show_acceptance,
     )
     from orthomill.pipeline.cli.lookups.kept_acceptance import (
         area_of,
-        as_kept,
         by_name,
         digested,
         inputs_of,
+        keep,
         of_run,
         recorded,
         written,
@@ -179,9 +178,7 @@ def accept(
         used = inputs_of(loaded) if loaded else by_name((points, marks, block, area))
         result = recorded(accepted(limits, facts, delivery), limits, facts, digested(sold), digested(used))
         if own:
-            result = as_kept(result, own.run_folder)
-            written(result, (own.run_folder / f"acceptance.{end}" for end in ("json", "html")))
-            show_acceptance(own)
+            result = keep(own, result)
         written(result, [output] if output else ())
         for line in acceptance_lines(result):
             out.print(escape(line), soft_wrap=True)

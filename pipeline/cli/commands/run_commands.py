@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from orthomill.pipeline.cli.commands.option_types import (
     BlockOf,
@@ -24,11 +25,12 @@ from orthomill.pipeline.cli.commands.option_types import (
     Until,
     Workers,
 )
-from orthomill.pipeline.cli.terminal import Debug, Name, plain_errors
+from orthomill.pipeline.cli.terminal import Debug, Name, out, plain_errors
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
 if TYPE_CHECKING:
     from orthomill.pipeline.engine.running import Options
+    from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 
 running = typer.Typer()
 
@@ -78,8 +80,20 @@ def run(
             tls=_tls_files(scheduler, (tls_ca, tls_cert, tls_key)),
         )
         end = run_project(loaded, asked if cluster is None else _on_cluster(asked, cluster), as_json)
+        if loaded.project.acceptance.kind != "none" and not (until or store):
+            _accept(loaded, as_json)
     if end.doubts and strict:
         raise typer.Exit(3)
+
+
+def _accept(loaded: "LoadedWorkflow", as_json: bool) -> None:
+    """Hold the finished run against what was agreed, and say whether it keeps that."""
+    from orthomill.pipeline.cli.lookups.kept_acceptance import PAGE, accept_run
+    from orthomill.tasks.lookups import accepted
+
+    sentence = accept_run(loaded, accepted).sentence
+    if not as_json:
+        out.print(escape(f"{sentence} Clause by clause: {loaded.run_folder / PAGE}"), soft_wrap=True)
 
 
 @running.command()

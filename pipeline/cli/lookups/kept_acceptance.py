@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from orthomill import __version__
-from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from
+from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from, profile_of, show_acceptance
 from orthomill.pipeline.report.acceptance_page import acceptance_json, acceptance_page
 from orthomill.pipeline.report.accepted_part import ACCEPTANCE, read_acceptance
 from orthomill.pipeline.signing.statement import PRODUCTS, digest_of
@@ -86,6 +86,22 @@ def written(result: AcceptanceResult, paths: Iterable[Path]) -> None:
     """Write the document (.html) or its data (any other suffix). Raises StoreError."""
     for path in paths:
         write_whole(path, acceptance_page(result).encode() if path.suffix == ".html" else acceptance_json(result))
+
+
+def accept_run(loaded: LoadedWorkflow, accept: Accept) -> AcceptanceResult:
+    """Hold a finished run against the profile of its workflow, and keep that with its report. Raises StoreError, WorkflowError."""
+    limits = profile_of(None, loaded.project)
+    facts = facts_of_run(loaded.run_folder, loaded.project.crs, area_of(limits, loaded.root))
+    result = accept(limits, facts, loaded.project.project)
+    return keep(loaded, recorded(result, limits, facts, digested(of_run(loaded)), digested(inputs_of(loaded))))
+
+
+def keep(loaded: LoadedWorkflow, result: AcceptanceResult) -> AcceptanceResult:
+    """Write the acceptance of a run as page and data into its folder, and show it in the report; what is there already stays."""
+    kept = as_kept(result, loaded.run_folder)
+    written(kept, (loaded.run_folder / name for name in (ACCEPTANCE, PAGE)))
+    show_acceptance(loaded)
+    return kept
 
 
 def as_kept(result: AcceptanceResult, folder: Path) -> AcceptanceResult:
