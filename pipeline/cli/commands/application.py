@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from orthomill import __version__
+from orthomill.pipeline.cli.commands.accept_commands import accepting
 from orthomill.pipeline.cli.commands.answer_commands import answers
 from orthomill.pipeline.cli.commands.lookup_commands import lookups
 from orthomill.pipeline.cli.commands.mark_commands import marking
@@ -28,7 +29,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for group in (running, marking, serving, state, products, viewing, lookups, answers, starting):
+for group in (running, marking, serving, state, products, viewing, lookups, answers, accepting, starting):
     app.add_typer(group)
 
 

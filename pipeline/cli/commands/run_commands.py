@@ -1,5 +1,6 @@
 """Commands that run stages: of a workflow, or of one that the command makes itself."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -88,12 +89,18 @@ def run(
 
 def _accept(loaded: "LoadedWorkflow", as_json: bool) -> None:
     """Hold the finished run against what was agreed, and say whether it keeps that."""
+    from orthomill.pipeline.cli.lookups.delivery import profile_of
     from orthomill.pipeline.cli.lookups.kept_acceptance import PAGE, accept_run
     from orthomill.tasks.lookups import accepted
 
-    sentence = accept_run(loaded, accepted).sentence
-    if not as_json:
-        out.print(escape(f"{sentence} Clause by clause: {loaded.run_folder / PAGE}"), soft_wrap=True)
+    result = accept_run(loaded, profile_of(None, loaded.project), accepted)
+    page = loaded.run_folder / PAGE
+    if as_json:
+        print(
+            json.dumps({"event": "acceptance", "complete": result.complete, "text": result.sentence, "page": str(page)}), flush=True
+        )
+    else:
+        out.print(escape(f"{result.sentence} Clause by clause: {page}"), soft_wrap=True)
 
 
 @running.command()

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from orthomill import __version__
-from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from, profile_of, show_acceptance
+from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from, show_acceptance
 from orthomill.pipeline.report.acceptance_page import acceptance_json, acceptance_page
 from orthomill.pipeline.report.accepted_part import ACCEPTANCE, read_acceptance
 from orthomill.pipeline.signing.statement import PRODUCTS, digest_of
@@ -88,9 +88,8 @@ def written(result: AcceptanceResult, paths: Iterable[Path]) -> None:
         write_whole(path, acceptance_page(result).encode() if path.suffix == ".html" else acceptance_json(result))
 
 
-def accept_run(loaded: LoadedWorkflow, accept: Accept) -> AcceptanceResult:
-    """Hold a finished run against the profile of its workflow, and keep that with its report. Raises StoreError, WorkflowError."""
-    limits = profile_of(None, loaded.project)
+def accept_run(loaded: LoadedWorkflow, limits: AcceptanceLimits, accept: Accept) -> AcceptanceResult:
+    """Hold a finished run against a profile, and keep that with its report. Raises StoreError, WorkflowError."""
     facts = facts_of_run(loaded.run_folder, loaded.project.crs, area_of(limits, loaded.root))
     result = accept(limits, facts, loaded.project.project)
     return keep(loaded, recorded(result, limits, facts, digested(of_run(loaded)), digested(inputs_of(loaded))))
