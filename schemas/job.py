@@ -216,7 +216,8 @@ class Export:
     text, a line for every cell with a value), "gpkg", "dxf" or "geojson" (the lines of the tables, of `MapLines`, in the
     reference system of the raster "place"), "map" (a page for a browser from a `MapPage` and the files of its parts, which
     `orthomill.schemas.maps.map_parts` names: "map shades", "map tiles", "map values", "map points", "map lines"), "areas"
-    (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`).
+    (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`). The engine turns a large "cog" into
+    several "cog part" and a "cog of parts".
     """
 
     stage: str

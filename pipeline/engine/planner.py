@@ -11,9 +11,10 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
+from orthomill.pipeline.export.geotiff.parts import in_parts
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import Table
+from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.project import MaskFiles, PhotoFiles, Photographs, Project
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
@@ -65,8 +66,8 @@ class Planner:
                 for item in stage.plan(self):
                     if isinstance(item, RasterSpec):
                         self.graph.add_raster(item)
-                    elif planned := self.graph.add(item):
-                        new.append(planned)
+                    else:
+                        new += self._added(item)
             except NotYet as missing:  # what was yielded before is in the graph and can run
                 self.waiting_for[stage.kind] = str(missing)
             except NoWriter as missing:
@@ -75,6 +76,12 @@ class Planner:
                 self.complete.add(stage.kind)
                 self.waiting_for.pop(stage.kind, None)
         return new
+
+    def _added(self, item: Job | Export) -> Iterator[PlannedJob]:
+        """What the graph did not hold yet; a large GeoTIFF is several jobs."""
+        for one in in_parts(item, self.graph.specs) if isinstance(item, Export) else (item,):
+            if planned := self.graph.add(one):
+                yield planned
 
     def _wait_or_refuse(self, kind: str, what: str) -> None:
         """An earlier stage may still plan a job that writes it; once all of them are planned completely, none will."""

@@ -1,8 +1,7 @@
 """Exports: the products of a run, made from whole rasters block by block.
 
 Every file is written under a temporary name in its folder and renamed when it is complete, so that a file under its own name is
-always complete. A COG is written first as a tiled GeoTIFF, one chunk at a time, and then copied by GDAL's COG driver: less time and
-memory than writing the COG directly. No more than one chunk of each raster is ever in memory.
+always complete. No more than one chunk of each raster is ever in memory.
 """
 
 import csv
@@ -13,8 +12,8 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from contextlib import ExitStack, contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,11 +22,12 @@ import rasterio
 import rasterio.shutil
 from lazrs import LazrsError
 from pydantic import BaseModel
-from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+from orthomill.pipeline.export.geotiff.band_stack import Stack, describe, stack_of
+from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined
+from orthomill.pipeline.export.geotiff.parts import COG_OF_PARTS, COG_PART, PARTS
 from orthomill.pipeline.export.point_cloud import write_points
-from orthomill.pipeline.export.reference_systems import geotiff_wkt, plan_in_file, with_system
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
@@ -41,7 +41,7 @@ from orthomill.schemas.job import Columns, Export, FileBytes, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.memory import MIB
-from orthomill.schemas.raster import RasterSpec, Window, tiles_of
+from orthomill.schemas.raster import RasterSpec
 
 GDAL_CACHE = 64 * MIB
 """GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
@@ -52,8 +52,6 @@ _PASSING = {"compress": "zstd", "zstd_level": 1}
 _SCRATCH = ".part"
 """how the names of temporary folders end"""
 T = TypeVar("T")
-
-COLOURS = {3: ("red", "green", "blue"), 4: ("red", "green", "blue", "alpha")}
 
 
 def export(export: Export, store: ReadableStore, place: Path | Depot) -> None:
@@ -84,8 +82,9 @@ def _remove_stale_tiles(export: Export, store: ReadableStore, depot: Depot) -> N
 
 def sweep_products(folder: Path) -> None:
     """Remove what exports left that were killed; nothing may be writing in the run's `folder` now."""
-    for scratch in list((folder / "products").rglob(f".*{_SCRATCH}")):
-        shutil.rmtree(scratch, ignore_errors=True)
+    for place in ("products", PARTS):
+        for scratch in list((folder / place).rglob(f".*{_SCRATCH}")):
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _first_line(error: Exception) -> str:
@@ -112,120 +111,23 @@ def _gdal() -> Iterator[None]:
 # --- rasters -----------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Stack:
-    """Rasters on one grid, stacked as bands of one dtype with one nodata value."""
-
-    specs: dict[str, RasterSpec]
-    dtype: np.dtype
-    nodata: float | None
-
-    @property
-    def first(self) -> RasterSpec:
-        """The raster of the first band, whose grid is that of all."""
-        return next(iter(self.specs.values()))
-
-    @property
-    def chunk(self) -> int:
-        """Side of the windows that are written, px."""
-        return max(self.first.chunk, 128)
-
-    @property
-    def bands(self) -> int:
-        """Number of bands of all rasters."""
-        return sum(_bands(spec) for spec in self.specs.values())
-
-    @property
-    def is_picture(self) -> bool:
-        """Whether this is one raster of 3 or 4 unsigned integer bands: red, green, blue and perhaps alpha."""
-        return len(self.specs) == 1 and self.bands in COLOURS and self.dtype.kind == "u"
-
-    @property
-    def has_codes(self) -> bool:
-        """Whether some band holds integer codes, whose mean has no meaning."""
-        return not self.is_picture and any(np.dtype(spec.dtype).kind in "ui" for spec in self.specs.values())
-
-    def windows(self) -> Iterator[Window]:
-        """The windows that cover the grid."""
-        return (tile.window for tile in tiles_of(self.first.shape, self.chunk))
-
-    def read(self, store: ReadableStore, window: Window) -> np.ndarray:
-        """(bands, height, width) of a window, in the stack's dtype and nodata."""
-        return np.concatenate([self._bands_of(store, spec, window) for spec in self.specs.values()])
-
-    def _bands_of(self, store: ReadableStore, spec: RasterSpec, window: Window) -> np.ndarray:
-        values = store.read(spec.name, window)
-        bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
-        converted = bands.astype(self.dtype, copy=False)
-        # Bands with different nodata values share NaN; a nodata of NaN needs no replacement, and is not equal to itself.
-        if spec.nodata is not None and spec.nodata == spec.nodata and self.nodata != self.nodata:
-            converted = np.where(bands == spec.nodata, self.dtype.type(np.nan), converted)
-        return converted
-
-    def descriptions(self) -> Iterator[tuple[str, str]]:
-        """(description, unit) of every band."""
-        for label, spec in self.specs.items():
-            names = COLOURS[self.bands] if self.is_picture else _band_names(label, _bands(spec))
-            yield from ((f"{name} ({spec.unit})" if spec.unit else name, spec.unit) for name in names)
-
-
-def _bands(spec: RasterSpec) -> int:
-    return spec.shape[2] if len(spec.shape) == 3 else 1
-
-
-def _band_names(label: str, bands: int) -> list[str]:
-    return [label] if bands == 1 else [f"{label} {number + 1}" for number in range(bands)]
-
-
-def stack_of(export: Export, store: ReadableStore) -> Stack:
-    """The rasters of `export` as one stack: their common dtype and nodata, or float32 with NaN where they differ.
-
-    Raises StoreError when there are none or when they are not on one grid.
-    """
-    specs = {label: store.spec(name) for label, name in export.rasters.items()}
-    if not specs:
-        raise StoreError(f"{export.path} names no raster; an export as {export.format} needs at least one.")
-    first = next(iter(specs.values()))
-    for spec in specs.values():
-        if (spec.shape[:2], spec.transform, spec.crs) != (first.shape[:2], first.transform, first.crs):
-            raise StoreError(
-                f"{export.path} combines {first.name} and {spec.name}, which are on different grids; export them to separate files."
-            )
-    return Stack(specs, *_type_and_nodata(tuple(specs.values())))
-
-
-def _type_and_nodata(specs: tuple[RasterSpec, ...]) -> tuple[np.dtype, float | None]:
-    alike = len({(spec.dtype, str(spec.nodata)) for spec in specs}) == 1
-    dtype = np.dtype(specs[0].dtype) if alike else np.dtype(np.float32)
-    if not alike and all(np.dtype(spec.dtype).kind == "u" and spec.nodata is None for spec in specs):
-        return np.result_type(*(spec.dtype for spec in specs)), None
-    if dtype.kind == "f":
-        return dtype, specs[0].nodata if alike and specs[0].nodata is not None else math.nan
-    return dtype, specs[0].nodata
-
-
 def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
     with _gdal(), _renamed_when_whole(path) as temporary:
-        plain = temporary.with_suffix(".plain.tif")
-        profile = {"crs": plan_in_file(stack.first.crs), "nodata": stack.nodata}
-        if stack.first.transform is not None:
-            profile["transform"] = rasterio.Affine(*stack.first.transform)
-        _write_tiled(stack, store, plain, profile | _PASSING)
-        heights = geotiff_wkt(stack.first.crs)
-        # The predictor halves the size of heights; nearest overviews for codes, since the mean of two codes is a third one.
-        rasterio.shutil.copy(
-            with_system(plain, heights) if heights else plain,
-            temporary,
-            driver="COG",
-            compress="deflate",
-            level=1,
-            predictor="yes",
-            blocksize=512,
-            overview_resampling="nearest" if stack.has_codes else "average",
-            bigtiff="if_safer",
-            statistics="no" if stack.is_picture else "yes",
-        )
+        write_image(stack, store, export.window or stack.first.full, temporary, temporary.parent)
+    if export.window is None:
+        _write_world_file(stack, path)
+
+
+def _write_cog_of_parts(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    with _gdal(), _renamed_when_whole(path) as temporary, ExitStack() as opened:
+        parts = [opened.enter_context(store.local(part)) for part in export.files]
+        write_joined(stack, parts, temporary, temporary.parent)
+    _write_world_file(stack, path)
+
+
+def _write_world_file(stack: Stack, path: Path) -> None:
     if stack.first.crs is None and stack.first.transform is not None:
         write_whole(path.with_suffix(".tfw"), world_file(stack.first.transform).encode())
 
@@ -279,19 +181,11 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
         profile["photometric"] = "rgb"
     with rasterio.open(path, "w", **profile) as target:
         # Descriptions first: GDAL writes the directory before the pixels then, and need not append it again.
-        _describe(target, stack)
+        describe(target, stack)
         target.update_tags(**stack.first.tags)
         for window in stack.windows():
             place = rasterio.windows.Window(window.col, window.row, window.width, window.height)
             target.write(stack.read(store, window), window=place)
-
-
-def _describe(target: rasterio.io.DatasetWriter, stack: Stack) -> None:
-    if stack.is_picture:
-        target.colorinterp = [ColorInterp[name] for name in COLOURS[stack.bands]]
-    for band, (description, unit) in enumerate(stack.descriptions(), start=1):
-        target.set_band_description(band, description)
-        target.set_band_unit(band, unit)
 
 
 def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
@@ -413,7 +307,8 @@ def _cells(values: np.ndarray) -> list[Any]:
 
 
 WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
-    "cog": _write_cog,
+    **dict.fromkeys(("cog", COG_PART), _write_cog),
+    COG_OF_PARTS: _write_cog_of_parts,
     "tiff": _write_tiff,
     "png": _write_png,
     "laz": _write_laz,

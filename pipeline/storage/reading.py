@@ -1,5 +1,7 @@
 """What exports, pictures and the report need from a store: names, specifications, windows and tables, all read-only."""
 
+from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -27,6 +29,9 @@ class ReadableStore(Protocol):
 
     def file(self, name: str) -> bytes:
         """A file that an export wrote, by its path in the run's folder. Raises StoreError when it is absent."""
+
+    def local(self, name: str) -> AbstractContextManager[Path]:
+        """A path under which other libraries read such a file. Raises StoreError when it is absent."""
 
     def has_table(self, table: Table) -> bool:
         """Whether a table exists."""

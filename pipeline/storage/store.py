@@ -7,7 +7,7 @@ Every chunk ends with a checksum, which is compared when it is read.
 
 import uuid
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
@@ -231,6 +231,14 @@ class Store:
             return self.depot.get(name)
         except FileNotFoundError:
             raise StoreError(f"{self.depot.address}/{name} is absent; run again, it is made anew then.") from None
+
+    @contextmanager
+    def local(self, name: str) -> Iterator[Path]:
+        """A path under which other libraries read such a file. Raises StoreError when it is absent."""
+        if self.depot.state(name) is None:
+            raise StoreError(f"{self.depot.address}/{name} is absent; run again, it is made anew then.")
+        with self.depot.local(name) as path:
+            yield path
 
     def write_table(self, table: Table[T], value: T) -> None:
         """Store a table whole. Raises StoreError when the value is not of the table's type."""

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import ClassVar, Literal
 
+import numpy as np
 import pytest
 from toy_stages import PROJECT, SIZE, Size, SmoothStage, SourceStage, SumStage
 
@@ -10,8 +11,9 @@ from orthomill.pipeline.engine.graph import Graph
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
-from orthomill.schemas.job import Job, Table, TextFile
+from orthomill.schemas.job import Export, Job, Raster, Table, TextFile
 from orthomill.schemas.project import PhotoFolder, SimulatedPhotos
+from orthomill.schemas.raster import RasterSpec, Window, tiles_of
 from orthomill.schemas.stage_contract import NotYet, Stage
 
 FOLDER = PhotoFolder(kind="folder", path="photos")
@@ -47,6 +49,36 @@ def test_a_complete_stage_is_not_asked_again(tmp_path):
     planner.advance()
     assert planner.complete == {"once"} and planner.advance() == []
     assert OnceStage.asked == 1
+
+
+def large(window: Window) -> np.ndarray:
+    """(H, W) of zeros."""
+    return np.zeros(window.shape, np.float32)
+
+
+class LargeStage(Stage):
+    """A raster of 5000 x 4000 px as GeoTIFF."""
+
+    title: ClassVar[str] = "Large"
+    kind: Literal["large"] = "large"
+
+    def plan(self, view):
+        spec = RasterSpec(name="large/z", shape=(5000, 4000), dtype="float32", chunk=1000)
+        yield spec
+        for tile in tiles_of(spec.shape, 1000):
+            writes, params = {"z": Raster("large/z", tile.window)}, {"window": tile.window}
+            yield Job(stage="large", item="z", function=large, reads={}, writes=writes, params=params, row=tile.row, col=tile.col)
+        yield Export("large", "file", "products/z.tif", "cog", {"z": "large/z"})
+
+
+def test_a_large_geotiff_is_planned_in_parts_that_wait_for_their_own_tiles(tmp_path):
+    planned = {one.key: one for one in planner_of(tmp_path, LargeStage()).advance()}
+    upper, lower = (planned["large", "file-parts", row, 0] for row in (0, 1))
+    assert upper.job.window == Window(0, 0, 4096, 4000) and lower.job.window == Window(4096, 0, 904, 4000)
+    assert set(lower.dependencies) == {("large", "z", 4, col) for col in range(4)}
+    whole = planned["large", "file", 0, 0]
+    assert whole.job.files == (upper.job.path, lower.job.path) and {upper.key, lower.key} <= set(whole.dependencies)
+    assert list(planned)[-1] == whole.key
 
 
 class OnceStage(Stage):

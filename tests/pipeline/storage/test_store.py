@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orthomill.pipeline.records.records import Fingerprint, Record, reason_to_run
+from orthomill.pipeline.storage.depots.bucket import bucket_of
 from orthomill.pipeline.storage.store import Store, aligned
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
@@ -146,3 +147,15 @@ def record_of(**more) -> Record:
 def test_the_reason_to_run_is_data(fingerprint, births, defect, reason):
     settings_, code, inputs = fingerprint
     assert reason_to_run(record_of(), Fingerprint(settings=settings_, code=code, inputs=inputs), births, defect) == reason
+
+
+@pytest.mark.parametrize("place", ["folder", "memory://store-local"])
+def test_a_file_of_an_export_is_read_by_its_path_or_missed_with_a_sentence(tmp_path, place):
+    if place != "folder":
+        pytest.importorskip("obstore")
+    store = Store(tmp_path if place == "folder" else bucket_of(place))
+    store.depot.put("parts/a.tif", b"tiles")
+    with store.local("parts/a.tif") as path:
+        assert path.read_bytes() == b"tiles"
+    with pytest.raises(StoreError, match=r"parts/b\.tif is absent; run again"), store.local("parts/b.tif"):
+        pass

@@ -1,5 +1,7 @@
 """A store in memory for tests of exports and reports; it remembers the largest window that was read."""
 
+from contextlib import contextmanager
+
 import numpy as np
 
 from orthomill.schemas.errors import StoreError
@@ -12,7 +14,7 @@ TRANSFORM = (0.5, 0.0, 409000.0, 0.0, -0.5, 4357000.0)
 class MemoryStore:
     def __init__(self):
         self.specs, self.arrays, self.tables = {}, {}, {}
-        self.largest = 0
+        self.largest, self.files = 0, None
 
     def put(self, name, array, chunk=64, crs=GREEK, transform=TRANSFORM, **more):
         self.specs[name] = RasterSpec(
@@ -38,6 +40,10 @@ class MemoryStore:
         assert window.clipped(array.shape) == window, "a read leaves the raster"
         self.largest = max(self.largest, window.height * window.width)
         return array[window.slices]
+
+    @contextmanager
+    def local(self, name):
+        yield self.files / name
 
     def has_table(self, table):
         return table.path in self.tables
