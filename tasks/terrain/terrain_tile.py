@@ -24,6 +24,8 @@ MIXED_WIDTH = 6
 """cells beside an object over which windows of the matching see both"""
 SURE = 3.0
 """standard errors that the step between two neighbours of ground must have to tell ground from objects"""
+_CROWN = 4.0
+"""m: no wider is what photographs agree on in the crown of a tree"""
 _LEAST_ROOF = 1.5
 """m: half the width of the least roof"""
 _WIDEST_CORE = 96
@@ -70,6 +72,11 @@ class TerrainRules:
     def across(self) -> int:
         """Blocks along the widest object."""
         return int(np.ceil(self.widest / self.block))
+
+    @property
+    def crown(self) -> int:
+        """Blocks along the widest patch that may be the crown of a tree."""
+        return max(round(_CROWN / self.block), 2)
 
     @property
     def margin(self) -> int:
@@ -142,7 +149,8 @@ def ground_of_tile(blocks: np.ndarray, kept: np.ndarray, window: Window, core: W
     """uint8 `rings` of the blocks `core`, from what the filter kept; both cover `window`."""
     heights = np.ascontiguousarray(blocks[..., 0])
     ground = kept > 0
-    ground &= ~standing_islands(ground, heights, rules.across, (rules.step, rules.slope * rules.block, rules.roughness))
+    rises = rules.step, rules.slope * rules.block, rules.roughness
+    ground &= ~standing_islands(ground, heights, rules.across, rises, rules.crown)
     ground = continued(ground, heights, rules.steepest, rules.roughness, rules.block)
     return rings(ground, rules.margin)[core.within(window).slices]
 

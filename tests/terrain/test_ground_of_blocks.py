@@ -45,7 +45,7 @@ def test_a_roof_beside_which_nothing_was_measured_is_an_island_and_a_courtyard_i
     z[:16, 26:30] = z[:16, 45:49] = z[12:16, 26:49] = np.nan
     z[50:62, 20:32] = np.nan
     z[54:58, 24:28] = 10.4
-    stands = standing_islands(np.isfinite(z), z, 30, (1.2, 0.15, 0.2))
+    stands = standing_islands(np.isfinite(z), z, 30, (1.2, 0.15, 0.2), 2)
     assert stands[:12, 30:45].all() and not stands[54:58, 24:28].any() and stands.sum() == 12 * 15
 
 
@@ -56,8 +56,8 @@ def test_a_glimpse_into_a_wide_gap_may_rise_half_as_much_as_land():
     glimpse = z.copy()
     glimpse[39:41, 39:41] = 12.5
     rises = (1.2, 0.15, 0.2)
-    assert standing_islands(np.isfinite(glimpse), glimpse, 60, rises)[39:41, 39:41].all()
-    assert not standing_islands(np.isfinite(z), np.minimum(glimpse, 11.5), 60, rises).any()
+    assert standing_islands(np.isfinite(glimpse), glimpse, 60, rises, 2)[39:41, 39:41].all()
+    assert not standing_islands(np.isfinite(z), np.minimum(glimpse, 11.5), 60, rises, 2).any()
 
 
 def test_a_lone_block_is_held_against_the_patches_around_it():
@@ -68,9 +68,22 @@ def test_a_lone_block_is_held_against_the_patches_around_it():
     lone = z.copy()
     lone[51, 71] = 13.0
     rises = (1.2, 0.15, 0.2)
-    stands = standing_islands(np.isfinite(lone), lone, 60, rises)
+    stands = standing_islands(np.isfinite(lone), lone, 60, rises, 2)
     assert stands[51, 71] and stands.sum() == 1
-    assert not standing_islands(np.isfinite(lone), np.fmin(lone, np.float32(11.0)), 60, rises).any()
+    assert not standing_islands(np.isfinite(lone), np.fmin(lone, np.float32(11.0)), 60, rises, 2).any()
+
+
+def test_a_crown_far_from_the_land_is_held_against_the_wider_glimpses_around():
+    """Three blocks of a crown, far from land on one side, were a mound of four metres in a closed wood."""
+    z = np.full((200, 240), np.nan, np.float32)
+    z[:, :80] = 10.0
+    for row, col in ((86, 150), (86, 170), (100, 178), (115, 165), (112, 145), (98, 140)):
+        z[row : row + 7, col : col + 7] = 11.5
+    z[103:106, 161:164] = 15.5
+    rises = 0.9, 0.12, 0.1
+    stands = standing_islands(np.isfinite(z), z, 75, rises, 5)
+    assert stands[103:106, 161:164].all() and stands.sum() == 9
+    assert not standing_islands(np.isfinite(z), z, 75, rises, 2).any()
 
 
 def test_a_block_that_ground_and_a_roof_share_has_the_height_of_the_ground():

@@ -4,7 +4,8 @@ Strategy. A filter that takes no cell without a height for evidence leaves a roo
 they are: nothing lower is next to them. Cells of ground that continue each other are one patch. The land is wider than the widest
 object; a patch that is not, and lies above the ground that follows from the land around it by more than ground can rise over that
 distance, is none. One that is narrower than the gap around it is a glimpse, as likely of a crown as of the ground below: it may
-rise half as much. The land may be far away; a block or two by itself is held against the patches around that passed as well.
+rise half as much. The land may be far away; a patch no wider than a crown is held against the wider ones around that passed as
+well: what photographs see between crowns is wider than what they agree on in one.
 """
 
 import numpy as np
@@ -14,8 +15,6 @@ from orthomill.tasks.terrain.ground.mean_value_fill import fill_gaps
 
 GLIMPSE = 0.5
 """how much a patch narrower than its gap may rise, in units of what a wider one may"""
-LONE = 2
-"""cells along a patch that is nobody's witness"""
 
 
 @njit()
@@ -47,9 +46,12 @@ def _patches(ground, heights, limit, label, stack, extents):
     return count
 
 
-def standing_islands(ground: np.ndarray, heights: np.ndarray, widest: int, rises: tuple[float, float, float]) -> np.ndarray:
+def standing_islands(
+    ground: np.ndarray, heights: np.ndarray, widest: int, rises: tuple[float, float, float], crown: int
+) -> np.ndarray:
     """The cells (rows, cols) bool of `ground` (rows, cols) bool that stand on it, heights (rows, cols) m; `widest` object in cells;
-    rises: how much ground rises from cell to cell where it continues (m), over a cell of a gap (m), and anyhow (m).
+    rises: how much ground rises from cell to cell where it continues (m), over a cell of a gap (m), and anyhow (m); `crown`: cells
+    along a patch that is nobody's witness.
 
     Cells nearer than two and a half times `widest` to the border of the arrays are not what they are in the whole.
     """
@@ -59,7 +61,7 @@ def standing_islands(ground: np.ndarray, heights: np.ndarray, widest: int, rises
     extent = np.concatenate([[0], extents[:count]])[label]
     small = ground & (extent <= widest)
     standing = _standing(ground & ~small, small, heights, extent, widest, rises)
-    lone = small & ~standing & (extent <= LONE)
+    lone = small & ~standing & (extent <= crown)
     return standing | _standing(ground & ~standing & ~lone, lone, heights, extent, widest // 2, rises)
 
 
