@@ -36,6 +36,8 @@ _DESCRIPTOR_REACH = 5.3
 _OCTAVE_STEP = 16  # px: 2^4, so that four octaves are sampled at the same pixels in every part
 _SPARE = 2  # a cell offers this many times its fair share
 _LEAST_PER_CELL = 8
+_HARDLY_ANY, _FAINTER = 8, 4
+"""a part with less than one of so many points of its fair share is searched again, at so many times less contrast"""
 # OpenCV packs octave and layer of a key point into one integer: 255 is octave -1 (the image doubled), 1 << 8 its first layer.
 _FIRST_OCTAVE = 255 | (1 << 8)
 # 512 scales the root of a share to a byte: shares above a quarter, of which a histogram has four at most, are clipped.
@@ -71,6 +73,11 @@ class Detection:
         return self.core.grown(HALO).clipped(self.shape)
 
     @property
+    def fair_share(self) -> float:
+        """Points that the part would have, were the photograph's spread evenly."""
+        return self.max_features * self.core.cells / (self.shape[0] * self.shape[1])
+
+    @property
     def per_cell(self) -> int:
         """Points that a cell may offer: several times its fair share, to compensate for empty cells."""
         cells = -(-self.shape[0] // CELL) * -(-self.shape[1] // CELL)
@@ -81,8 +88,7 @@ def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection
     """Features and descriptors of one part. pixels: `detection.window` of the level; overview: the coarsest level."""
     grey = grey_bytes(pixels, grey_range(overview))
     # OpenCV's own limit would be that of the part; the photograph's is applied to all parts together.
-    sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=detection.contrast)
-    points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
+    sift, points = _points(grey, detection)
     numbers = np.array([(*point.pt, point.size, point.angle, point.response) for point in points]).reshape(-1, 5)
     if is_masked(pixels):
         whole = _whole_descriptors(numbers, picture_of(pixels))
@@ -91,6 +97,17 @@ def tile_features(pixels: np.ndarray, overview: np.ndarray, detection: Detection
     chosen = _strongest_in_core(numbers, detection)
     descriptors = _descriptors(sift, grey, [points[number] for number in chosen])
     return FeatureTables(_features(numbers[chosen], detection), Values(descriptors.ravel()))
+
+
+def _points(grey: np.ndarray, detection: Detection) -> tuple[cv2.SIFT, list[cv2.KeyPoint]]:
+    """Points of a part and what describes them. A part in haze, under water or at dusk has its points as well, at a fraction of the
+    usual contrast: where hardly any has that, they are searched for among the fainter ones."""
+    for contrast in (detection.contrast, detection.contrast / _FAINTER):
+        sift = cv2.SIFT.create(nfeatures=0, contrastThreshold=contrast)
+        points = [point for point in sift.detect(grey, None) if SMALLEST <= point.size <= LARGEST]
+        if len(points) >= detection.fair_share / _HARDLY_ANY:
+            break
+    return sift, points
 
 
 def _whole_descriptors(numbers: np.ndarray, picture: np.ndarray) -> np.ndarray:

@@ -42,6 +42,14 @@ def found(photos):
     return [features_of(pixels, 512) for pixels in photos]
 
 
+def test_a_faint_photograph_has_its_points_where_the_plain_one_has_them(photos, found):
+    """A ninth of the contrast: haze, water, dusk."""
+    faint = features_of(np.rint(110 + photos[0] / 9.0).astype(np.uint8), 512)
+    own, plain = (np.column_stack([one.features.col, one.features.row]) for one in (faint, found[0]))
+    away = np.hypot(*(own[:, None] - plain).transpose(2, 0, 1)).min(axis=1)
+    assert len(own) > 0.25 * len(plain) and (away < 0.5).mean() > 0.6
+
+
 @pytest.fixture(scope="module")
 def matched(found):
     sides = [tuple(one) for one in found]
