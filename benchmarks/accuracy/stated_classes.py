@@ -54,12 +54,19 @@ def tested_places(run: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndar
     return np.array(places), np.array(errors), np.array(promised), np.array(datum)
 
 
-def drawn(errors: np.ndarray, rng: np.random.Generator) -> AccuracyFigure:
-    """What 20 surveyed points state."""
+def drawn(errors: np.ndarray, promised: np.ndarray, rng: np.random.Generator) -> AccuracyFigure:
+    """What 20 surveyed points state of a surface that promises these errors (N,) m."""
     chosen = rng.choice(len(errors), POINTS, replace=False)
-    found = accuracy_of("nva", (errors[chosen] - rng.normal(0, SURVEY, POINTS))[:, None], np.full((POINTS, 1), SURVEY), None, 1.0)
+    difference, survey = (errors[chosen] - rng.normal(0, SURVEY, POINTS))[:, None], np.full((POINTS, 1), SURVEY)
+    surface = (root_mean_square(promised[chosen]), root_mean_square(promised))
+    found = accuracy_of("nva", difference, survey, None, 1.0, surface)
     assert found
     return found
+
+
+def root_mean_square(values: np.ndarray) -> float:
+    """Of any numbers."""
+    return math.sqrt(float((values**2).mean()))
 
 
 def share(values: list[bool]) -> str:
@@ -67,12 +74,12 @@ def share(values: list[bool]) -> str:
     return f"{100 * float(np.mean(values)):.1f}"
 
 
-def statement_row(name: str, errors: np.ndarray) -> str:
+def statement_row(name: str, errors: np.ndarray, promised: np.ndarray) -> str:
     """Many statements against the truth."""
     rng = np.random.default_rng(2)
     # The standard adds the survey's error to what is found, in which it is already once.
     truth = math.sqrt(float((errors**2).mean()) + 2 * SURVEY**2)
-    found = [drawn(errors, rng) for _ in range(DRAWS)]
+    found = [drawn(errors, promised, rng) for _ in range(DRAWS)]
     held = [one.low <= truth <= (one.high or math.inf) for one in found]
     ranged = [class_of(one.low) <= class_of(truth) <= (one.proved_cm or math.inf) for one in found]
     better = [(one.proved_cm or math.inf) < class_of(truth) for one in found]
@@ -155,14 +162,14 @@ def main(words: list[str]) -> None:
         if gross.any():
             # One error of metres in two thousand places makes the root mean square, and twenty points hardly ever meet it.
             worst = float(np.abs(errors).max())
-            lines.append(statement_row(f"{name}, with {gross.sum()} gross errors (to {worst:.1f} m)", errors))
+            lines.append(statement_row(f"{name}, with {gross.sum()} gross errors (to {worst:.1f} m)", errors, promised))
         places, errors, promised, datum = (values[~gross] for values in (places, errors, promised, datum))
         ratio = math.sqrt(float(((errors / promised) ** 2).mean()))
-        lines.append(statement_row(f"{name} ({len(places)} places; errors {ratio:.2f} of promised)", errors))
+        lines.append(statement_row(f"{name} ({len(places)} places; errors {ratio:.2f} of promised)", errors, promised))
         even = promised <= EVEN * np.median(promised)
         told = f"{name}, {share(list(even))} % of its places, where at most {EVEN:g} times the median error is promised"
-        lines.append(statement_row(told, errors[even]))
-        lines.append(statement_row(f"{name} domed by 1.3 m", errors + planted(places)["dome"][0]))
+        lines.append(statement_row(told, errors[even], promised[even]))
+        lines.append(statement_row(f"{name} domed by 1.3 m", errors + planted(places)["dome"][0], promised))
         names += [named_row(kind, places, errors, wrong, datum) for kind, wrong in planted(places).items()]
         # Without its mean, which mixing leaves.
         names.append(named_row("none", places, errors - errors.mean(), planted(places)["none"], datum, mixed=True))

@@ -60,6 +60,10 @@ class AccuracyFigure(_Stated):
     """m: standard error of the places in the orthoimage themselves (marks, matching), which `fit` contains; None in height"""
     promised: float | None
     """root mean square of differences in units of their promised standard errors; None where nothing is promised"""
+    promised_here: float | None = None
+    promised_everywhere: float | None = None
+    """m: root mean squares of the standard errors that the surface promises at these points, and wherever points could test it, by
+    whose difference the interval is widened; None where they are not known"""
     class_cm: int
     """accuracy class by the standard's formula"""
     proved_cm: int | None

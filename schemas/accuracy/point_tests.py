@@ -135,6 +135,8 @@ class PointTests(_Tested):
     """of the block: those that took no part in it"""
     area_km2: float = 0.0
     """of the surface with heights"""
+    surface_promised: float | None = None
+    """m: root mean square of the standard errors that the surface promises wherever a point could test it; None: not known"""
 
 
 POINT_TESTS = Table("accuracy/points.json", PointTests)

@@ -77,6 +77,19 @@ def pair_differences_table(row: int, col: int) -> Table[PairDifferences]:
 
 
 @dataclass(frozen=True)
+class PromisedHeights(Columns):
+    """One row for a place of the surface where a check point could test its height."""
+
+    sigma: np.ndarray
+    """float64 m: its standard error, that of the block's place included"""
+
+
+def promised_heights_table(row: int, col: int) -> Table[PromisedHeights]:
+    """Those in a tile of the surface model."""
+    return Table(f"accuracy/promised_heights/{row}-{col}.parquet", PromisedHeights)
+
+
+@dataclass(frozen=True)
 class PhotographDifferences(Columns):
     """One row for a coordinate of a point that photographs without a common one determined."""
 

@@ -105,7 +105,7 @@ def test_distances_to_check_points_state_the_scale_of_the_block():
         DistanceResidual(first=name, difference=d, role=role, **known)
         for name, d, role in (("A", 0.03, "check"), ("B", 0.01, "check"), ("C", 9.0, "control"))
     )
-    tests = collect_tests((), GroundResiduals(distances=rows), 1.0)
+    tests = collect_tests((), GroundResiduals(distances=rows), (), 1.0)
     found = statement_of(tests).distances
     assert (found.distances, found.fit) == (2, pytest.approx(math.sqrt(5e-4)))
     assert (found.scale, found.scale_sigma) == (pytest.approx(200.0), pytest.approx(200.0))

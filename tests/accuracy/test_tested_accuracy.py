@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of, interval, points_needed, wording
+from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of, carried_over, interval, points_needed, wording
 
 RNG = np.random.default_rng(39)
 
@@ -44,6 +44,25 @@ def test_the_interval_holds_the_truth_as_often_as_it_says(dimensions, bias):
     bounds = [interval(RNG.normal(bias, 1, (20, dimensions))) for _ in range(1500)]
     assert np.mean([low <= truth <= high for low, high in bounds]) >= 0.93
     assert np.mean([high < truth for _, high in bounds]) <= 0.045
+
+
+def test_the_interval_is_that_of_the_surface_where_few_points_meet_what_is_worse():
+    """Two of a hundred places have, and promise, six times the error of the others."""
+    promised = np.where(np.arange(2000) < 40, 0.3, 0.05)
+    truth, held, plain, too_good = np.sqrt((promised**2).mean()), [], [], []
+    for _ in range(1500):
+        own = promised[RNG.choice(len(promised), 20, replace=False)]
+        found = interval(RNG.normal(0, own)[:, None])
+        low, high = carried_over(found, (np.sqrt((own**2).mean()), truth))
+        held.append(low <= truth <= high)
+        plain.append(found[0] <= truth <= found[1])
+        too_good.append(high < truth)
+    assert np.mean(held) > 0.93 and np.mean(too_good) < 0.045 and np.mean(plain) < 0.8
+
+
+def test_what_points_and_surface_promise_alike_leaves_the_interval():
+    assert carried_over((0.02, 0.05), (0.03, 0.03)) == pytest.approx((0.02, 0.05))
+    assert carried_over((0.02, 0.05), (0.05, 0.01)) == pytest.approx((0.0, 0.05)), "points on the worst ground prove no less"
 
 
 def test_one_point_proves_nothing():

@@ -12,7 +12,13 @@ from orthomill.schemas.accuracy.adjustment_statement import (
     SURVEYED_RELIABILITY,
 )
 from orthomill.schemas.accuracy.point_tests import POINT_TESTS, point_table
-from orthomill.schemas.accuracy.promised_errors import PHOTOGRAPH_DIFFERENCES, RELIABILITY, PairDifferences, pair_differences_table
+from orthomill.schemas.accuracy.promised_errors import (
+    PHOTOGRAPH_DIFFERENCES,
+    RELIABILITY,
+    PairDifferences,
+    pair_differences_table,
+    promised_heights_table,
+)
 from orthomill.schemas.bare_ground import TERRAIN, TERRAIN_PRECISION
 from orthomill.schemas.epipolar import PAIRS
 from orthomill.schemas.job import Job, Raster, Reading, Table
@@ -28,6 +34,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
+from orthomill.tasks.accuracy.points.testable_heights import SurfacePart, promised_heights
 from orthomill.tasks.accuracy.points.under_vegetation import under_vegetation
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.disjoint_photographs import photograph_differences
@@ -52,12 +59,18 @@ class PointJobs:
         for number, point in enumerate(self.points):
             tables.append(point_table(number))
             yield self._test(number, point, tables[-1])
+        promised = [self._promised(tile) for tile in self._surface_tiles()]
+        yield from promised
         area = self.surface.cells * self.surface.cell**2 / 1e6 if self.surface else 0.0
         yield Job(
             stage="accuracy",
             item="points",
             function=collect_tests,
-            reads={"tests": tuple(tables), "ground": GROUND_RESIDUALS},
+            reads={
+                "tests": tuple(tables),
+                "ground": GROUND_RESIDUALS,
+                "promised": tuple(promised_heights_table(job.row, job.col) for job in promised),
+            },
             writes={"tests": POINT_TESTS},
             params={"area_km2": area},
         )
@@ -134,6 +147,25 @@ class PointJobs:
         """Of the surface model, where pairs of photographs measured it."""
         if self.surface and self.view.has_stage("epipolar"):
             yield from tiles_of(self.surface.shape, self.view.project.tile)
+
+    def _surface_tiles(self) -> Iterator[Tile]:
+        """Of the surface model, where there are points to test it."""
+        if self.surface and self.points:
+            yield from tiles_of(self.surface.shape, self.view.project.tile)
+
+    def _promised(self, tile: Tile) -> Job:
+        assert self.surface, "tiles are those of the surface"
+        part = SurfacePart(self.surface, tile.window, self.steepest)
+        return Job(
+            stage="accuracy",
+            item="promised",
+            function=promised_heights,
+            reads={"heights": tuple(Raster(name, part.read) for name in (HEIGHT, PRECISION, PROVENANCE, DATUM_PRECISION))},
+            writes={"promised": promised_heights_table(tile.row, tile.col)},
+            params={"part": part},
+            row=tile.row,
+            col=tile.col,
+        )
 
     def _pairs(self, tile: Tile) -> Job:
         assert self.surface, "tiles are those of the surface"

@@ -129,6 +129,18 @@ def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
             ("measuring", figure.measuring and round(figure.measuring, 4), "m", "Of these, what measuring the places may be."),
             ("mean", round(figure.mean, 4), "m", "Mean difference: what all share."),
             ("nmad", figure.robust and round(figure.robust, 4), "m", "Robust spread of the differences."),
+            (
+                "promised_here",
+                figure.promised_here and round(figure.promised_here, 4),
+                "m",
+                "What the surface promises at these points (root mean square).",
+            ),
+            (
+                "promised_everywhere",
+                figure.promised_everywhere and round(figure.promised_everywhere, 4),
+                "m",
+                "The same wherever points could test it; the interval is widened by the difference.",
+            ),
             ("at_68", figure.at_68 and round(figure.at_68, 4), "m", "68.3 % of the differences are no larger (counted)."),
             ("at_90", round(figure.at_90, 4), "m", "90 % of the differences are no larger (LE90, CE90, counted)."),
             ("at_95", round(figure.at_95, 4), "m", "95 % of the differences are no larger (counted)."),

@@ -7,15 +7,24 @@ import numpy as np
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyFigure, AccuracyKind, AccuracyStatement, NamedError
 from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
+from orthomill.schemas.accuracy.promised_errors import PromisedHeights
 from orthomill.schemas.orientation import GroundResiduals
 from orthomill.tasks.accuracy.statement.named_errors import heights_in_feet, named_errors
 from orthomill.tasks.accuracy.statement.tested_accuracy import accuracy_of
 from orthomill.tasks.accuracy.statement.tested_distances import tested_distances
 
 
-def collect_tests(tests: tuple[PointTest, ...], ground: GroundResiduals, area_km2: float) -> PointTests:
-    """All points in one table, and the distances to them."""
-    return PointTests(points=tests, distances=tuple(d for d in ground.distances if d.role == "check"), area_km2=area_km2)
+def collect_tests(
+    tests: tuple[PointTest, ...], ground: GroundResiduals, promised: tuple[PromisedHeights, ...], area_km2: float
+) -> PointTests:
+    """All points in one table, the distances to them, and what the surface promises elsewhere."""
+    sigma = np.concatenate([np.zeros(0), *(part.sigma for part in promised)])
+    return PointTests(
+        points=tests,
+        distances=tuple(d for d in ground.distances if d.role == "check"),
+        area_km2=area_km2,
+        surface_promised=float(np.sqrt((sigma**2).mean())) if len(sigma) else None,
+    )
 
 
 def statement_of(tests: PointTests) -> AccuracyStatement:
@@ -43,18 +52,24 @@ def _horizontal(tests: PointTests) -> AccuracyFigure | None:
 def _heights(tests: PointTests) -> Iterator[AccuracyFigure | None]:
     """Of the surface and of the bare ground. A surface shows crowns: under vegetation it is tested only where no ground is made."""
     open_ground, under = ([p for p in tests.points if p.vegetated == vegetated] for vegetated in (False, True))
-    yield _vertical("nva", [(p, p.height) for p in open_ground], tests.area_km2)
+    yield _vertical("nva", [(p, p.height) for p in open_ground], tests.area_km2, tests.surface_promised)
     yield _vertical("vva", [(p, p.height) for p in under if not p.terrain], tests.area_km2)
     yield _vertical("nva_terrain", [(p, p.terrain) for p in open_ground], tests.area_km2)
     yield _vertical("vva_terrain", [(p, p.terrain) for p in under], tests.area_km2)
 
 
-def _vertical(kind: AccuracyKind, heights: list[tuple[PointTest, HeightTest | None]], area_km2: float) -> AccuracyFigure | None:
+def _vertical(
+    kind: AccuracyKind, heights: list[tuple[PointTest, HeightTest | None]], area_km2: float, everywhere: float | None = None
+) -> AccuracyFigure | None:
     tested = [(point, height) for point, height in heights if point.difference(height) is not None]
     difference = np.array([[point.difference(height)] for point, height in tested])
     predicted = [point.predicted(height) for point, height in tested]
     promised = np.array(predicted)[:, None] if predicted and None not in predicted else None
-    return accuracy_of(kind, difference, np.array([point.sigma[2:] for point, _ in tested]), promised, area_km2)
+    own = [height.sigma for _, height in tested if height and height.sigma is not None]
+    surface = None
+    if everywhere is not None and own and len(own) == len(tested):
+        surface = float(np.sqrt((np.array(own) ** 2).mean())), everywhere
+    return accuracy_of(kind, difference, np.array([point.sigma[2:] for point, _ in tested]), promised, area_km2, surface)
 
 
 def _space(tests: PointTests) -> AccuracyFigure | None:

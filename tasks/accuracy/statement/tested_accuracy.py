@@ -42,19 +42,25 @@ def points_needed(area_km2: float) -> int:
 
 
 def accuracy_of(
-    kind: AccuracyKind, difference: np.ndarray, survey: np.ndarray, promised: np.ndarray | None, area_km2: float
+    kind: AccuracyKind,
+    difference: np.ndarray,
+    survey: np.ndarray,
+    promised: np.ndarray | None,
+    area_km2: float,
+    surface: tuple[float, float] | None = None,
 ) -> AccuracyFigure | None:
     """The accuracy of one kind; None without points.
 
     difference, survey: (N, k) m, product minus survey and standard errors of the survey, k coordinates of this kind; promised:
-    standard errors of the differences that were promised, of the same shape, or None.
+    standard errors of the differences that were promised, of the same shape, or None; surface: root mean squares (m) of what the
+    surface promises at these points and wherever points could test it, or None.
     """
     if not len(difference):
         return None
     squares = (difference**2).sum(axis=1)
     fit, known = float(np.sqrt(squares.mean())), float(np.sqrt((survey**2).sum(axis=1).mean()))
     rmse = math.hypot(fit, known)
-    low, high = (math.hypot(bound, known) for bound in interval(difference))
+    low, high = (math.hypot(bound, known) for bound in carried_over(interval(difference), surface))
     needed, lengths = points_needed(area_km2), np.sqrt(squares)
     height = kind in HEIGHTS
     middle = np.median(difference[:, 0])
@@ -74,6 +80,8 @@ def accuracy_of(
         at_90=float(np.quantile(lengths, 0.9, method="higher")),
         at_95=float(np.quantile(lengths, 0.95, method="higher")),
         promised=ratio,
+        promised_here=surface and surface[0],
+        promised_everywhere=surface and surface[1],
         class_cm=class_of(rmse),
         proved_cm=class_of(high) if math.isfinite(high) else None,
         sentence=wording(kind, rmse, len(difference), needed),
@@ -99,6 +107,21 @@ def interval(difference: np.ndarray, confidence: float = CONFIDENCE) -> tuple[fl
     freedom, tail = max(freedom, 1.0), (1 - confidence) / 2
     low, high = (float(2 * gammaincinv(freedom / 2, p)) for p in (1 - tail, tail))
     return math.sqrt(mean * freedom / low), math.sqrt(mean * freedom / high)
+
+
+def carried_over(bounds: tuple[float, float], surface: tuple[float, float] | None) -> tuple[float, float]:
+    """An interval (m) of what points found, widened to one of the whole surface, by the difference of the mean squares that it
+    promises at the points and everywhere.
+
+    A few places of large promised errors hold much of a surface's mean square, and few points meet one of them: the errors of such
+    surfaces are far from normal, while in units of what was promised they are not.
+    """
+    if surface is None:
+        return bounds
+    here, everywhere = surface
+    low, high = bounds
+    more = everywhere**2 - here**2
+    return math.sqrt(max(low**2 + min(more, 0.0), 0.0)), math.sqrt(high**2 + max(more, 0.0))
 
 
 def wording(kind: AccuracyKind, rmse: float, points: int, needed: int) -> str:
