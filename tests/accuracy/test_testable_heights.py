@@ -5,7 +5,7 @@ import pytest
 
 from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.surface import Provenance
-from orthomill.tasks.accuracy.points.testable_heights import LATTICE, SurfacePart, promised_heights
+from orthomill.tasks.accuracy.points.testable_heights import LATTICE, TestablePart, promised_heights
 
 GRID = MapGrid(west=100.0, north=220.0, cell=0.5, rows=300, cols=420)
 STEP = 200
@@ -23,7 +23,7 @@ def surface():
 
 
 def found_by(surface, tile):
-    parts = [SurfacePart(GRID, one.window, 0.1) for one in tiles_of(GRID.shape, tile)]
+    parts = [TestablePart(GRID, one.window, 0.1) for one in tiles_of(GRID.shape, tile)]
     return [promised_heights(tuple(raster[part.read.slices] for raster in surface), part).sigma for part in parts]
 
 
@@ -42,5 +42,5 @@ def test_they_do_not_depend_on_the_tiles(surface, tile):
 
 
 def test_a_part_without_ground_promises_nothing(surface):
-    part = SurfacePart(GRID, Window(220, 0, 80, 100), 0.1)
+    part = TestablePart(GRID, Window(220, 0, 80, 100), 0.1)
     assert not len(promised_heights(tuple(raster[part.read.slices] for raster in surface), part))

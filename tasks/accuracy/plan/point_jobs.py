@@ -34,7 +34,7 @@ from orthomill.tasks.accuracy.points.orthoimage_place import pixels_around
 from orthomill.tasks.accuracy.points.point_patches import patches_of
 from orthomill.tasks.accuracy.points.point_test import PointPlace, PointRules, point_beside_products
 from orthomill.tasks.accuracy.points.surface_height import cells_around
-from orthomill.tasks.accuracy.points.testable_heights import SurfacePart, promised_heights
+from orthomill.tasks.accuracy.points.testable_heights import TestablePart, promised_heights
 from orthomill.tasks.accuracy.points.under_vegetation import under_vegetation
 from orthomill.tasks.accuracy.promises.disjoint_pairs import CheckedPart, pair_differences
 from orthomill.tasks.accuracy.promises.disjoint_photographs import photograph_differences
@@ -155,7 +155,7 @@ class PointJobs:
 
     def _promised(self, tile: Tile) -> Job:
         assert self.surface, "tiles are those of the surface"
-        part = SurfacePart(self.surface, tile.window, self.steepest)
+        part = TestablePart(self.surface, tile.window, self.steepest)
         return Job(
             stage="accuracy",
             item="promised",

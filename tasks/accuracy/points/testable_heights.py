@@ -19,7 +19,7 @@ AROUND = 5
 
 
 @dataclass(frozen=True)
-class SurfacePart:
+class TestablePart:
     """A window of a grid, and the rise over run up to which heights are tested."""
 
     grid: MapGrid
@@ -32,7 +32,7 @@ class SurfacePart:
         return self.window.grown(AROUND).clipped(self.grid.shape)
 
 
-def promised_heights(heights: tuple[np.ndarray, ...], part: SurfacePart) -> PromisedHeights:
+def promised_heights(heights: tuple[np.ndarray, ...], part: TestablePart) -> PromisedHeights:
     """The standard errors that a part promises at the places of a lattice where its height can be tested.
 
     heights: heights, standard errors, codes of Provenance and the datum's part of the errors of `part.read`, as
