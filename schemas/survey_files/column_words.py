@@ -9,10 +9,10 @@ from dataclasses import dataclass
 _MEANINGS: dict[str, str] = {
     "photo": "photo image filename file file_name image_name imagename image_file image_filename photo_name picture source_file "
     "sourcefile img camera_label photo_id image_path path bild bildname bilddatei foto fotoname datei dateiname fichier nom_image "
-    "imagen archivo immagine",
+    "imagen archivo immagine img_name image_id img_id",
     "name": "name label point point_name point_id pointid id target station marker marker_name gcp gcp_name gcp_label gcp_id pt "
     "pt_id pkt nr no point_number point_no point_nr point# pno pt_no number punkt punktnummer punktname nom punto "
-    "nombre nome numero numéro ponto punt",
+    "nombre nome numero numéro ponto punt target_name target_id target_label",
     "role": "role",
     "kind": "type kind point_type usage gcp/check gcp_type marker_type",
     "enabled": "enable enabled use used active",
@@ -22,9 +22,10 @@ _MEANINGS: dict[str, str] = {
     "y": "y n north northing y_north north_y y/latitude y/northing y/north hoch hochwert nordwert ycoord y_coord coord_y geo_y "
     "latitude/northing latitude/y northing/y north/y nord norte",
     "z": "z h height altitude alt elevation elev up hoehe höhe z/altitude z/height zcoord z_coord coord_z geo_z altitude/z "
-    "elevation/z height/z hohe altitud altura quota cota hauteur absolutealtitude absolute_altitude gpsaltitude",
-    "lon": "lon long lng longitud länge laenge longitude gpslongitude longitude_wgs84",
-    "lat": "lat latitud breite latitude gpslatitude latitude_wgs84",
+    "elevation/z height/z hohe altitud altura quota cota hauteur absolutealtitude absolute_altitude gpsaltitude gps_altitude "
+    "gps_alt gps_height",
+    "lon": "lon long lng longitud länge laenge longitude gpslongitude gps_longitude gps_lon longitude_wgs84",
+    "lat": "lat latitud breite latitude gpslatitude gps_latitude gps_lat latitude_wgs84",
     "z_ellipsoidal": "ellipsoidal_height ellipsoid_height ellipsoidheight ellh height_ell h_ell altitude_wgs84 "
     "ellipsoidal_altitude height_ellipsoid wgs84_height hae altitude_ellipsoidal elevation_ellipsoidal ellipsoidal",
     "z_sea": "altitude_amsl altitude_msl orthometric_height height_orthometric amsl msl height_msl orthometric",

@@ -55,8 +55,8 @@ def read_control(
     # Everything is read before anything is refused: a surveyor corrects a whole file at once.
     mistakes: list[str] = []
     surveyed, marked = _both(photos, points, measurements, stated, mistakes)
-    # One sentence for a file that is no list of points; its measurements would all be of points that are unknown.
-    if mistakes and not surveyed.rows:
+    # One sentence for a file that is no list: measurements would all be of points that are unknown, or points all without any.
+    if mistakes and not (surveyed.rows and marked.rows):
         raise WorkflowError(first_of(mistakes))
     known = _points(surveyed, stated, mistakes)
     if not known and not mistakes:

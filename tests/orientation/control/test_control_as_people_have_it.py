@@ -296,6 +296,10 @@ FILES = {
     "measurements of points in small letters": lambda: filed(table("{name},{x},{y},{z}"), marks().replace("\nP", "\np")),
     "titles above the names of columns": lambda: filed(table("{name},{x},{y},{z}", "Quarry 7\nname,x,y,z"), marks()),
     "feet by the names of columns": lambda: filed(feet(table("{name},{x},{y},{z}", "name,x (ft),y (ft),z (ft)")), marks()),
+    "targets in images": lambda: filed(
+        table("{name},{x},{y},{z},0.005,0.01", "Label,Easting,Northing,Height,Accuracy_Horizontal,Accuracy_Vertical"),
+        marks("{photo},{name},{col},{row}", "img_name,target_name,image_x,image_y"),
+    ),
     "Leica GSI": lambda: filed(gsi(), marks()),
     "LandXML": lambda: filed(landxml(), marks()),
     "MicMac": lambda: filed(*micmac()),

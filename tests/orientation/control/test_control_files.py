@@ -47,6 +47,12 @@ def test_every_mistake_is_one_sentence(points, measured, sentence):
         read_control(PHOTOS, points, measured)
 
 
+def test_measurements_that_cannot_be_read_are_one_sentence_and_not_one_for_every_point():
+    with pytest.raises(WorkflowError, match="measurements file follows no format that is known") as told:
+        read_control(PHOTOS, POINTS, "where,what\n1,2\n")
+    assert "measured in no photograph" not in str(told.value)
+
+
 def test_a_check_point_without_a_mark_is_kept_for_the_heights_of_products():
     control = read_control(PHOTOS, POINTS + "V1,check,1,2,3,0.1,0.1,0.1\n", MEASURED)
     assert control.points[2].name == "V1" and control.points[2].measurements == {}

@@ -174,6 +174,9 @@ FILES = {
         sigma_plan=0.02,
         sigma_height=0.03,
     ),
+    "heights of GPS": lambda: placed(
+        lines("{name},{y},{x},{z}", "image_name,lat,lon,gps_height", degrees()), sigma_plan=0.02, sigma_height=0.03
+    ),
     "time marks by their numbers": lambda: placed(mrk()),
     "events in their order": lambda: placed(pos(), headers(time=True)),
     "events by places": lambda: placed(pos(), headers(gps=True)),
