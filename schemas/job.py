@@ -216,8 +216,8 @@ class Export:
     text, a line for every cell with a value), "gpkg", "dxf" or "geojson" (the lines of the tables, of `MapLines`, in the
     reference system of the raster "place"), "map" (a page for a browser from a `MapPage` and the files of its parts, which
     `orthomill.schemas.maps.map_parts` names: "map shades", "map tiles", "map values", "map points", "map lines"), "areas"
-    (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`). The engine turns a large "cog" into
-    several "cog part" and a "cog of parts".
+    (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`). The engine turns a large "cog" or
+    "laz" of rasters into several "cog part" and a "cog of parts".
     """
 
     stage: str
@@ -229,7 +229,7 @@ class Export:
     beside: tuple[Table, ...] = ()
     """of "laz": tables with further columns for the rows of `tables`, one for each of them"""
     window: Window | None = None
-    """the part of its rasters, all on one grid, that it reads; None: all of them"""
+    """the part of its rasters that it reads, in pixels of the first, and of those on other grids the same ground; None: all"""
     files: tuple[str, ...] = ()
     """files of other exports that it reads, relative to the run's folder"""
     row: int = 0

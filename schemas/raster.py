@@ -5,6 +5,7 @@ Arrays are (rows, cols) or (rows, cols, bands). A window is half open. A chunk s
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil, floor
 from typing import TypeVar
 
 import numpy as np
@@ -12,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 NO_UNIT = "unit of the block"
 """what a reference system calls its unit where nothing tells how long it is"""
+ROUNDING = 1e-3
+"""of a pixel: what borders that two grids share may seem to differ by"""
 Coordinates = TypeVar("Coordinates", float, np.ndarray)
 
 
@@ -204,3 +207,15 @@ def map_raster(
         axes=axes,
         colours=colours,
     )
+
+
+def same_ground(window: Window, spec: RasterSpec, other: RasterSpec) -> Window:
+    """The pixels of another raster that the ground of a window touches, both north up on the map; empty where there are none."""
+    if spec.transform is None or other.transform is None:
+        raise ValueError(f"{spec.name} and {other.name} are not both on the map")
+    (a, _, west, _, e, north), (width, _, left, _, height, top) = spec.transform, other.transform
+    # Borders that both grids share must not touch the next pixel for the rounding of coordinates of 10^6 m.
+    first, last = ((west + col * a - left) / width for col in (window.col, window.col + window.width))
+    upper, lower = ((north + row * e - top) / height for row in (window.row, window.row + window.height))
+    row, col = floor(upper + ROUNDING), floor(first + ROUNDING)
+    return Window(row, col, ceil(lower - ROUNDING) - row, ceil(last - ROUNDING) - col).clipped(other.shape)

@@ -32,7 +32,7 @@ from orthomill.schemas.job import (
     regions_of,
 )
 from orthomill.schemas.memory import MIB
-from orthomill.schemas.raster import RasterSpec, Window
+from orthomill.schemas.raster import RasterSpec, Window, same_ground
 
 PROCESS_BYTES = 600 * MIB
 """Memory of a worker process apart from its job, measured at the end of a run: the interpreter, libraries and compiled kernels (350
@@ -172,7 +172,8 @@ class Graph:
 
     def _planned_export(self, export: Export) -> PlannedJob:
         keys: dict[Key, None] = {}
-        regions = [Raster(name, export.window or self._known(export.stage, name).full) for name in export.rasters.values()]
+        named = [Raster(name, self._part(export, name)) for name in export.rasters.values()]
+        regions = [region for region in named if not region.window.empty]
         for region in regions if export.window else ():
             self._check_window(export, region)
         sources: tuple[Region, ...] = (*regions, *export.tables, *export.beside)
@@ -188,6 +189,14 @@ class Graph:
         )
         data = sum(map(self._bytes_of, regions))
         return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0, data)
+
+    def _part(self, export: Export, name: str) -> Window:
+        """What an export reads of one of its rasters; empty where that has nothing on the ground of its part."""
+        spec = self._known(export.stage, name)
+        if export.window is None:
+            return spec.full
+        first = self._known(export.stage, next(iter(export.rasters.values())))
+        return export.window if spec.transform == first.transform else same_ground(export.window, first, spec)
 
     def _output_text(self, job: Job, name: str) -> str:
         output = job.writes[name]

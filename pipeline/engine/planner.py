@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from typing import Any
 
 from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
-from orthomill.pipeline.export.geotiff.parts import in_parts
+from orthomill.pipeline.export.file_parts import in_parts
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Export, Job, Table

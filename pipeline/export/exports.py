@@ -24,9 +24,10 @@ from lazrs import LazrsError
 from pydantic import BaseModel
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+from orthomill.pipeline.export.clouds.joined_cloud import write_joined_cloud
+from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_PART, LAZ_OF_PARTS, LAZ_PART, PARTS
 from orthomill.pipeline.export.geotiff.band_stack import Stack, describe, stack_of
 from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined
-from orthomill.pipeline.export.geotiff.parts import COG_OF_PARTS, COG_PART, PARTS
 from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
@@ -193,6 +194,12 @@ def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
         write_points(export, store, temporary)
 
 
+def _write_laz_of_parts(export: Export, store: ReadableStore, path: Path) -> None:
+    with _renamed_when_whole(path) as temporary, ExitStack() as opened:
+        parts = [opened.enter_context(store.local(part)) for part in export.files]
+        write_joined_cloud(parts, temporary, temporary.parent)
+
+
 def _write_xyz(export: Export, store: ReadableStore, path: Path) -> None:
     """X, Y and the first band of the one raster, one line for every cell that has a value, in millimetres."""
     stack = stack_of(export, store)
@@ -311,7 +318,8 @@ WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
     COG_OF_PARTS: _write_cog_of_parts,
     "tiff": _write_tiff,
     "png": _write_png,
-    "laz": _write_laz,
+    **dict.fromkeys(("laz", LAZ_PART), _write_laz),
+    LAZ_OF_PARTS: _write_laz_of_parts,
     "json": _write_json,
     "csv": _write_csv,
     "text": _write_text,

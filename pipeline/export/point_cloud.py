@@ -15,7 +15,7 @@ Source: ASPRS, LAS Specification 1.4 - R15.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import laspy
@@ -130,8 +130,10 @@ def _write_cells(export: Export, store: ReadableStore, path: Path) -> None:
     header = _header(z, {label: (spec.dtype, spec.unit) for label, spec in specs.items()}, coloured=rgb is not None)
     colours = nesting(z, rgb) if rgb is not None else None
     with _opened(path, header) as target:
-        for tile in tiles_of(z.shape, max(z.chunk, 128)):
-            _write_tile(target, store, Cloud(z, specs, colours), tile.window)
+        part = export.window or z.full
+        for tile in tiles_of(part.shape, max(z.chunk, 128)):
+            window = replace(tile.window, row=part.row + tile.window.row, col=part.col + tile.window.col)
+            _write_tile(target, store, Cloud(z, specs, colours), window)
 
 
 def _opened(path: Path, header: laspy.LasHeader) -> laspy.LasWriter:

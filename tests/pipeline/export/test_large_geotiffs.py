@@ -6,9 +6,9 @@ import rasterio
 from memory_store import TRANSFORM, MemoryStore
 
 from orthomill.pipeline.export.exports import export
+from orthomill.pipeline.export.file_parts import in_parts
 from orthomill.pipeline.export.geotiff import cloud_layout
 from orthomill.pipeline.export.geotiff.band_statistics import of_tags, of_tile
-from orthomill.pipeline.export.geotiff.parts import in_parts
 from orthomill.pipeline.export.geotiff.tiff_directory import BIG, TILE_OFFSETS, TILE_SIZES, directories
 from orthomill.schemas.job import Export
 from orthomill.schemas.raster import RasterSpec
@@ -53,8 +53,8 @@ def both(store, tmp_path_factory):
 def test_small_files_and_other_formats_stay_one_job(store):
     small = {"d/z": RasterSpec(name="d/z", shape=(4096, 4096), dtype="float32", chunk=512)}
     assert list(in_parts(HEIGHTS, small)) == list(in_parts(HEIGHTS, {})) == [HEIGHTS]
-    cloud = Export("d", "cells", "products/dsm.laz", "laz", {"z": "d/z"})
-    assert list(in_parts(cloud, store.specs)) == [cloud]
+    listed = Export("d", "cells", "products/dsm.xyz", "xyz", {"z": "d/z"})
+    assert list(in_parts(listed, store.specs)) == [listed]
 
 
 def test_every_level_is_that_of_the_file_in_one_piece(both, store):
