@@ -12,6 +12,7 @@ from pathlib import Path
 from orthomill.pipeline.engine import fingerprint as fp
 from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.pipeline.export.exports import export as export_file
+from orthomill.pipeline.export.file_parts import joins_parts
 from orthomill.pipeline.records.records import Fingerprint, Key
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
@@ -85,6 +86,8 @@ class Graph:
         self._table_writers: dict[str, Key] = {}
         self._table_readers: dict[str, tuple[str, ...] | None] = {}
         self._file_writers: dict[str, Key] = {}
+        self._joined: dict[Key, Key] = {}
+        """writers of the parts of files -> what joins them"""
 
     def add_raster(self, spec: RasterSpec) -> None:
         """Announce a raster. Raises GraphError when it was announced differently."""
@@ -106,11 +109,17 @@ class Graph:
             return None
         self._claim_outputs(job)
         self.jobs[job.key] = planned
+        if isinstance(job, Export) and joins_parts(job):
+            self._joined.update((self._exporter(job.stage, path), job.key) for path in job.files)
         return planned
 
     def writer_of_table(self, path: str) -> Key | None:
         """The job or export that writes a table; None where there is none yet."""
         return self._table_writers.get(path)
+
+    def joined_by(self, key: Key) -> PlannedJob | None:
+        """The job that makes a file of the part that another one writes; None for all that write no part."""
+        return self.jobs[self._joined[key]] if key in self._joined else None
 
     def is_exported(self, path: str) -> bool:
         """Whether a planned export writes a file, given relative to the project's root."""

@@ -158,6 +158,8 @@ def run_workflow(
             session.records.fold()
             # Of this run as well: a worker may have been killed in the middle of an export, which another one then made.
             sweep_products(session.folder)
+        # Here too: a run may have been killed when it had joined them.
+        session.drop_parts()
         if session.defects:
             announce(_mended(session))
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)

@@ -19,6 +19,7 @@ from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.export.file_parts import joins_parts, parts_of
 from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, key_text, reason_to_run
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import depot_of
@@ -131,10 +132,17 @@ class Session:
             return "asked for"
         record = self.records.get(planned.key)
         defect = self._defect(planned, record) if record else None
+        if defect == "missing" and self._is_joined(planned):
+            defect = None
         reason = reason_to_run(record, planned.fingerprint, self._births(planned), defect)
         if reason in DEFECTS:
             self.defects[planned.key] = reason
         return reason
+
+    def _is_joined(self, planned: PlannedJob) -> bool:
+        """Whether a job wrote the part of a file that is there: the part has gone then."""
+        joined = self.graph.joined_by(planned.key)
+        return joined is not None and self._reason(joined) is None
 
     def _births(self, planned: PlannedJob) -> dict[str, str]:
         if isinstance(planned.job, Export):
@@ -248,6 +256,7 @@ class Session:
     def _note(self, finished: Finished, watcher: Watcher) -> None:
         if finished.status == "done":
             self.done.add(finished.key)
+            self._drop_parts(finished.key)
         elif finished.status == "failed":
             self.failures[finished.key] = finished.sentence
             self._suspect_inputs(finished.key)
@@ -269,16 +278,33 @@ class Session:
         """Whether results turned out to be damaged: their jobs run once more, and with them all that failed or was blocked."""
         if not self._rotten:
             return False
-        again = {*self._rotten, *self.failures, *self.blocked}
+        again = {*self._rotten, *self.failures, *self.blocked, *self._parts_gone(self._rotten)}
         self.defects.update(dict.fromkeys(self._rotten, "result is damaged"))
         self.reasons.update(dict.fromkeys(again, "result is damaged"))
-        self.skipped -= self._rotten
+        self.skipped -= again
         self.blocked.clear()
         self.failures.clear()
         self._rotten.clear()
         self.pending = [planned for key, planned in self.graph.jobs.items() if key in again]
         self._submit(runner)
         return True
+
+    def _parts_gone(self, joined: Iterable[Key]) -> Iterator[Key]:
+        """The jobs whose files these ones joined, and which have gone since."""
+        for before in (before for key in joined for before in self.graph.jobs[key].dependencies):
+            if self.graph.joined_by(before) and not self._outputs_exist(self.graph.jobs[before]):
+                yield before
+
+    def drop_parts(self) -> None:
+        """Remove the parts of all files that are there, whichever run made them."""
+        for key in self.graph.jobs:
+            if self.is_valid(key):
+                self._drop_parts(key)
+
+    def _drop_parts(self, key: Key) -> None:
+        job = self.graph.jobs[key].job
+        if isinstance(job, Export) and joins_parts(job):
+            self.depot.clear(parts_of(job.path))
 
     def take_up(self) -> None:
         """After its runner was lost: whatever has not been done is pending again, for another runner and another watcher."""

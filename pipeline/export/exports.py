@@ -25,7 +25,7 @@ from pydantic import BaseModel
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from orthomill.pipeline.export.clouds.joined_cloud import write_joined_cloud
-from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_PART, LAZ_OF_PARTS, LAZ_PART, PARTS
+from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_PART, LAZ_OF_PARTS, LAZ_PART
 from orthomill.pipeline.export.geotiff.band_stack import Stack, describe, stack_of
 from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined
 from orthomill.pipeline.export.point_cloud import write_points
@@ -34,6 +34,7 @@ from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, line_features
 from orthomill.pipeline.storage.depots.depot import Depot
+from orthomill.pipeline.storage.depots.folder import PARTS, PRODUCTS
 from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
@@ -83,7 +84,7 @@ def _remove_stale_tiles(export: Export, store: ReadableStore, depot: Depot) -> N
 
 def sweep_products(folder: Path) -> None:
     """Remove what exports left that were killed; nothing may be writing in the run's `folder` now."""
-    for place in ("products", PARTS):
+    for place in (PRODUCTS, PARTS):
         for scratch in list((folder / place).rglob(f".*{_SCRATCH}")):
             shutil.rmtree(scratch, ignore_errors=True)
 

@@ -4,13 +4,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from orthomill.pipeline.export.geotiff.cloud_layout import PART
+from orthomill.pipeline.storage.depots.folder import PARTS
 from orthomill.schemas.job import Export
 from orthomill.schemas.raster import RasterSpec, tiles_of
 
-PARTS = "parts"
-"""folder of a run: not among the products"""
 COG_PART, COG_OF_PARTS, LAZ_PART, LAZ_OF_PARTS = "cog part", "cog of parts", "laz part", "laz of parts"
 """formats of exports"""
+
+
+def joins_parts(export: Export) -> bool:
+    """Whether it makes a file of parts, which nobody needs when it is there."""
+    return export.format in (COG_OF_PARTS, LAZ_OF_PARTS)
+
+
+def parts_of(path: str) -> str:
+    """The folder of the parts of a file."""
+    return f"{PARTS}/{path}"
 
 
 def in_parts(export: Export, specs: Mapping[str, RasterSpec]) -> Iterator[Export]:
@@ -22,6 +31,6 @@ def in_parts(export: Export, specs: Mapping[str, RasterSpec]) -> Iterator[Export
         return
     item, form, ending, files = f"{export.item}-parts", f"{export.format} part", export.path.rpartition(".")[2], []
     for tile in tiles_of(first.shape, PART):
-        files.append(f"{PARTS}/{export.path}/{tile.row}-{tile.col}.{ending}")
+        files.append(f"{parts_of(export.path)}/{tile.row}-{tile.col}.{ending}")
         yield replace(export, item=item, path=files[-1], format=form, window=tile.window, row=tile.row, col=tile.col)
     yield replace(export, format=f"{export.format} of parts", files=tuple(files))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.records import Record, Records
+from orthomill.pipeline.storage.depots.folder import PARTS
 from orthomill.pipeline.storage.depots.kept_files import defect_of
 from orthomill.pipeline.storage.store import Store
 
@@ -35,7 +36,8 @@ def examine(folder: Path, since: float = 0.0) -> Verification:
     """Examine the results of jobs that ended after `since` (s since 1970), and mark the damaged ones."""
     store, records = Store(folder), Records(folder)
     readable, unreadable = records.sort_out()
-    done = [record for record in readable if record.status == "done" and not _is_replaced(record, store)]
+    valid = (record for record in readable if record.status == "done" and not _is_replaced(record, store))
+    done = [_without_gone_parts(record, store) for record in valid]
     last = {name: record for record in sorted(done, key=lambda record: record.started) for name in record.files}
     damaged: dict[str, str] = {}
     for record in done:
@@ -59,6 +61,12 @@ def _is_replaced(record: Record, store: Store) -> bool:
     """Whether a raster that the job wrote has been created again since."""
     sound = (name for name in record.births if store.is_sound(name))
     return any(store.birth(name) != record.births[name] for name in sound)
+
+
+def _without_gone_parts(record: Record, store: Store) -> Record:
+    """The record less the parts that have gone: into a file, or the next run misses them."""
+    gone = {name for name in record.files if name.startswith(f"{PARTS}/") and store.depot.state(name) is None}
+    return record.model_copy(update={"files": {name: kept for name, kept in record.files.items() if name not in gone}})
 
 
 def _broken_rasters(record: Record, store: Store) -> Iterator[str]:

@@ -15,6 +15,8 @@ from orthomill.schemas.errors import StoreError
 _BLOCK = 2**20
 """bytes that are read at a time"""
 PRODUCTS = "products"
+PARTS = "parts"
+"""what large products are made of; gone when they are there"""
 _SCRATCH = ".part"
 """how the names of temporary folders end"""
 

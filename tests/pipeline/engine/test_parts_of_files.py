@@ -1,0 +1,152 @@
+"""Parts of large products go when the products are there, and whoever kills a run meanwhile loses nothing by it."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+import pytest
+from toy_stages import MEMORY, run_in, session_in
+
+from orthomill.pipeline.engine.execute import JobOrder
+from orthomill.pipeline.engine.runner import Finished, SequentialRunner
+from orthomill.pipeline.engine.session import Session
+from orthomill.pipeline.records.verification import verify
+from orthomill.schemas.job import Export, Job, MapHeader, Raster, Table
+from orthomill.schemas.raster import MapGrid, Window, map_raster, tiles_of
+from orthomill.schemas.stage_contract import Stage
+
+GRID = MapGrid(west=409000.0, north=4357000.0, cell=0.5, rows=5000, cols=1000)
+PARTS = [("surface", "file-parts", 0, 0), ("surface", "file-parts", 1, 0)]
+WHOLE = ("surface", "file", 0, 0)
+EXTENT = Table("surface/extent.json", MapGrid)
+
+
+def slope(window: Window) -> np.ndarray:
+    """(H, W) that rises by a centimetre a row."""
+    return np.add.outer(
+        np.arange(window.row, window.row + window.height, dtype=np.float32) * 0.01, np.zeros(window.width, np.float32)
+    )
+
+
+def extent_of(file: MapGrid) -> MapGrid:
+    """What was read of a file."""
+    return file
+
+
+class SurfaceStage(Stage):
+    """A raster of 5000 x 1000 px as GeoTIFF, which a job reads."""
+
+    title: ClassVar[str] = "Surface"
+    kind: Literal["surface"] = "surface"
+
+    def plan(self, view):
+        spec = map_raster("surface/z", GRID, "float32", "EPSG:2100", 1000)
+        yield spec
+        for tile in tiles_of(spec.shape, 1000):
+            writes, params = {"z": Raster(spec.name, tile.window)}, {"window": tile.window}
+            yield Job(stage="surface", item="z", function=slope, reads={}, writes=writes, params=params, row=tile.row, col=tile.col)
+        yield Export("surface", "file", "products/z.tif", "cog", {"z": spec.name})
+        reads = {"file": MapHeader(view.run_file("products/z.tif"), "EPSG:2100")}
+        yield Job(stage="surface", item="extent", function=extent_of, reads=reads, writes={"extent": EXTENT})
+
+
+class Killed(BaseException):
+    """The end of a process."""
+
+
+class KilledRunner(SequentialRunner):
+    """Is killed before the first job that `when` tells, or behind it."""
+
+    def __init__(self, when: Callable[[tuple], bool], behind: bool = False) -> None:
+        super().__init__(MEMORY)
+        self._when, self._behind = when, behind
+
+    def next(self) -> Finished:
+        work: JobOrder = self._waiting[0][0]
+        if self._when(work.job.key):
+            if self._behind:
+                super().next()
+            raise Killed
+        return super().next()
+
+
+@pytest.fixture
+def finished(tmp_path):
+    run_in(tmp_path, SurfaceStage())
+    return tmp_path
+
+
+def product(root: Path) -> Path:
+    return root / "runs/toy/products/z.tif"
+
+
+def parts(root: Path) -> list[str]:
+    return sorted(path.name for path in (root / "runs/toy/parts").rglob("*") if path.is_file())
+
+
+def run_again(root: Path) -> Session:
+    """A run of the whole command's course: planned, run, swept."""
+    session = run_in(root, SurfaceStage())
+    session.drop_parts()
+    assert not session.failures and not parts(root)
+    return session
+
+
+def test_they_go_and_are_not_missed(finished):
+    assert product(finished).exists() and not parts(finished)
+    session = session_in(finished, SurfaceStage())
+    session.plan()
+    assert not session.pending
+    found = verify(finished / "runs/toy")
+    assert not found.damaged and found.files == 5 + 1 + 1, "chunks, product, table"
+
+
+def test_a_lost_product_is_made_of_new_parts(finished):
+    before = product(finished).read_bytes()
+    product(finished).unlink()
+    assert run_again(finished).done == {*PARTS, WHOLE}
+    assert product(finished).read_bytes() == before
+
+
+def test_a_product_that_its_reader_finds_damaged_is_made_of_new_parts(finished):
+    before, state = product(finished).read_bytes(), product(finished).stat()
+    product(finished).write_bytes(bytes(1000) + before[1000:])
+    os.utime(product(finished), ns=(state.st_atime_ns, state.st_mtime_ns))
+    (finished / "runs/toy/tables/surface/extent.json").unlink()
+    assert run_again(finished).done == {*PARTS, WHOLE, ("surface", "extent", 0, 0)}
+    assert product(finished).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("last", "behind", "left", "again"),
+    [
+        (PARTS[0], False, 0, {*PARTS, WHOLE}),
+        (PARTS[0], True, 1, {PARTS[1], WHOLE}),
+        (WHOLE, False, 2, {WHOLE}),
+        (WHOLE, True, 2, set()),
+    ],
+)
+def test_a_run_killed_anywhere_does_only_what_is_missing(tmp_path, last, behind, left, again):
+    with pytest.raises(Killed):
+        run_in(tmp_path, SurfaceStage(), runner=KilledRunner(lambda key: key == last, behind))
+    assert len(parts(tmp_path)) == left
+    assert run_again(tmp_path).done - {("surface", "extent", 0, 0)} == again
+    run_in(tmp_path / "whole", SurfaceStage())
+    assert product(tmp_path).read_bytes() == product(tmp_path / "whole").read_bytes()
+
+
+def test_a_run_killed_while_they_go_needs_them_no_more(tmp_path, monkeypatch):
+    with monkeypatch.context() as patched, pytest.raises(Killed):
+        patched.setattr(Session, "_drop_parts", one_less)
+        run_in(tmp_path, SurfaceStage())
+    assert len(parts(tmp_path)) == 1
+    assert run_again(tmp_path).done == {("surface", "extent", 0, 0)}
+
+
+def one_less(session: Session, key: tuple) -> None:
+    """Killed when one of them has gone."""
+    if key == WHOLE:
+        (session.folder / "parts/products/z.tif/0-0.tif").unlink()
+        raise Killed
