@@ -123,6 +123,15 @@ _ALL = (
         "RUN [PYTHON]",
     ),
     Study(
+        "web_reads",
+        "delivery.web_reads",
+        "what Khronos' validator says of GLB and CesiumJS of 3D Tiles, and its picture of them",
+        "minutes",
+        ("pipeline/export",),
+        f"{RUN}; Chromium, Node with the packages cesium and gltf-validator",
+        "RUN MODULES",
+    ),
+    Study(
         "iso_schemas",
         "delivery.iso_schemas",
         "metadata of a run against ISO's own schemas",
