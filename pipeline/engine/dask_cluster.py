@@ -25,7 +25,7 @@ from distributed.security import Security
 from orthomill.pipeline.engine.dashboard_guard import Guard, new_secret
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import SchedulerLost
-from orthomill.pipeline.engine.worker_terms import INSTALL, Terms, objection
+from orthomill.pipeline.engine.workers.worker_terms import INSTALL, Terms, objection
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.memory import MIB
 

@@ -5,8 +5,9 @@ the pages, behind its secret and in its menu. The scheduler of another process i
 job is tried again by the same worker is then known from its record only, when it has ended.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Any, Protocol
 
@@ -33,6 +34,24 @@ class Observer(Protocol):
 
     def came_back(self, key: Key, failed: bool) -> None:
         """A job that had begun is no longer worked on: it failed, or its worker was lost."""
+
+
+@dataclass(frozen=True)
+class EachJob:
+    """Tells an observer of every job of a task; `jobs_of` gives them by that which the task is named after."""
+
+    observer: Observer
+    jobs_of: Callable[[Key], tuple[Key, ...]]
+
+    def started(self, key: Key, worker: str) -> None:
+        """A worker has got all of them."""
+        for one in self.jobs_of(key):
+            self.observer.started(one, worker)
+
+    def came_back(self, key: Key, failed: bool) -> None:
+        """None of them is worked on any longer."""
+        for one in self.jobs_of(key):
+            self.observer.came_back(one, failed)
 
 
 class _Transitions(SchedulerPlugin):

@@ -3,8 +3,8 @@
 Dask's keys are the jobs' own keys, so that its dashboard groups progress by stage. A worker has one thread and does one job at a
 time, so that its memory is that of a job; one that has too little for a job does not get it. A job that needs more than a worker's
 share, but no more than all workers of this machine have together, waits until nothing else runs, and runs alone. The scheduler
-holds a limited number of jobs at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it
-loses its workers.
+holds a limited number of tasks at a time: with tens of thousands it is busy with itself, on a loaded machine for so long that it
+loses its workers. A task is a job, or several short ones; it is named after the first.
 """
 
 import time
@@ -12,10 +12,9 @@ import uuid
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import cast
+from typing import Any, cast
 
 from distributed import Client, Future, KilledWorker, get_worker, performance_report
 from distributed.comm import CommClosedError
@@ -24,13 +23,14 @@ from distributed.protocol.pickle import dumps, loads
 from orthomill.pipeline.engine.dask_cluster import LOST, allow_memory
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
-from orthomill.pipeline.engine.runner import ATTEMPTS, Finished
-from orthomill.pipeline.engine.worker_terms import Declined, Terms, objection
-from orthomill.pipeline.engine.workforce import DESERTED, NOBODY, Workforce
+from orthomill.pipeline.engine.runner import ATTEMPTS, End, Finished
+from orthomill.pipeline.engine.workers.order_batches import Batch, BatchFailed, Durations, Order, next_batch
+from orthomill.pipeline.engine.workers.worker_terms import Declined, Terms, objection
+from orthomill.pipeline.engine.workers.workforce import DESERTED, NOBODY, Workforce
 from orthomill.pipeline.records.records import Key
 
 WAVE = 2000
-"""Jobs that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
+"""Tasks that the scheduler holds at most; the rest waits here. Enough for hundreds of workers."""
 PATIENCE = 0.5
 """seconds after which waiting for a job looks whether the user wants to stop"""
 LIVES = 5
@@ -38,34 +38,44 @@ LIVES = 5
 counts every job that waited at a worker which died, and most of them it had not begun: each time such a job comes sooner."""
 DECLINED = 1.0
 """seconds that a worker which may do no job waits until it says so: it would be given all that wait, one after the other"""
+SOON = 0.01
+"""seconds until it is asked again what became of a failed task"""
 _ACCEPTED: set[Terms] = set()
 """of the process of a worker: the runs for which it may do jobs"""
-
-
-@dataclass(frozen=True)
-class Order:
-    """A job as it is handed to a worker: what it is, what it waits for, and the bytes that it needs."""
-
-    work: JobOrder
-    dependencies: tuple[Key, ...]
-    memory: int
-
-    @property
-    def key(self) -> Key:
-        return self.work.job.key
 
 
 def execute_sent(key: Key, content: bytes, terms: Terms | None, memory: int, *dependencies: object) -> Key:
     """Do a job that came as bytes and needs so many bytes; returns its key. Raises JobFailed, Declined where it may not be done."""
     if terms:
         _accept(terms, memory)
+    return execute(_loaded(key, content), *dependencies)
+
+
+def execute_batch(keys: tuple[Key, ...], content: bytes, terms: Terms | None, memory: int, *dependencies: object) -> None:
+    """Do several jobs that came as bytes, with what each waits for. Raises BatchFailed at their end, JobFailed, Declined."""
+    if terms:
+        _accept(terms, memory)
+    failed: dict[Key, str] = {}
+    untried: list[Key] = []
+    for work, before in _loaded(keys[0], content):
+        if not failed.keys().isdisjoint(before) or not set(untried).isdisjoint(before):
+            untried.append(work.job.key)
+            continue
+        try:
+            execute(work)
+        except JobFailed as failure:
+            failed[failure.key] = failure.sentence
+    if failed:
+        raise BatchFailed(failed, tuple(untried))
+
+
+def _loaded(key: Key, content: bytes) -> Any:
     # What Dask itself cannot load breaks the connection of the worker, without a word to anybody.
     try:
-        work = loads(content)
+        return loads(content)
     except Exception as error:  # importing a changed program raises anything
         sentence = f"its worker cannot load it ({type(error).__name__}: {error}); if the program was changed meanwhile, run again"
         raise JobFailed(key, sentence) from None
-    return execute(work, *dependencies)
 
 
 def _accept(terms: Terms, memory: int) -> None:
@@ -102,99 +112,165 @@ class DaskRunner:
         self.workforce = Workforce(client, say, patience)
         self._terms = terms
         self._waiting: deque[Order] = deque()
-        self._orders: dict[Key, Order] = {}
-        """of the jobs that the scheduler holds"""
+        self._durations = Durations()
+        self._batches: dict[Key, Batch] = {}
+        """those that the scheduler holds, by their first job"""
         self._for_some: dict[Key, list[str]] = {}
-        """the workers that have enough memory for a job, where not all have"""
+        """by first job, the workers that have enough memory for a batch, where not all have"""
         self._futures: dict[Key, Future] = {}
-        """those that the scheduler holds"""
-        self._ended: SimpleQueue[tuple[Key, Future]] = SimpleQueue()
+        """of all jobs that the scheduler holds"""
+        self._ended: SimpleQueue[tuple[Batch, Future]] = SimpleQueue()
         self._started: Counter[Key] = Counter()
         self._killed: Counter[Key] = Counter()
         """how often Dask gave up a job because its workers died"""
+        self._shared = False
+        """whether any task was several jobs"""
         self._alone: Key | None = None
         """the job that has all memory for itself"""
         self._unusable: set[Key] = set()
-        self._blocked: deque[Key] = deque()
+        self._told: deque[Finished] = deque()
+        """ends that nobody has asked for yet"""
+        self._last: dict[Key, Order] = {}
+        """jobs that were done, until it is known how long they took"""
         self._session = uuid.uuid4().hex[:8]
         """Last part of every Dask key: a cluster may hold the same jobs of another run."""
 
     def submit(self, work: JobOrder, dependencies: tuple[Key, ...], memory: int) -> None:
         self._unusable.discard(work.job.key)
         self._waiting.append(Order(work, dependencies, memory))
-        self._fill()
+        self._fill(more_come=True)
 
-    def _fill(self) -> None:
+    def _fill(self, more_come: bool = False) -> None:
         """Hand over waiting jobs, in their order, until the scheduler has enough."""
-        while self._waiting and len(self._futures) < WAVE and self._alone is None:
+        while self._waiting and len(self._batches) < WAVE and self._alone is None:
             order = self._waiting[0]
             large = order.memory > self.memory_limit
             if large and self._futures:
                 return
-            self._waiting.popleft()
             if self._unusable.intersection(order.dependencies):
-                self._unusable.add(order.key)
-                self._blocked.append(order.key)
+                self._end(Finished(self._waiting.popleft().key, "blocked"))
                 continue
+            batch = next_batch(self._waiting, self._durations, self.workforce.number, self._fits, more_come)
+            if batch is None:
+                return
             if large:
                 self._alone = order.key
                 allow_memory(self.client, self.room)
-            self._start(order)
+            self._start(batch)
 
-    def _start(self, order: Order) -> None:
+    def jobs_of(self, key: Key) -> tuple[Key, ...]:
+        """The jobs of the task that has the name of this one. Any thread may ask."""
+        batch = self._batches.get(key)
+        return batch.keys if batch else (key,)
+
+    def _fits(self, order: Order) -> bool:
+        """Whether a job may be one of several."""
+        return order.memory <= self.memory_limit and not self._unusable.intersection(order.dependencies)
+
+    def _start(self, batch: Batch) -> None:
         # Jobs that are done, in this run or before, have no future: their results are on disk.
-        before = [self._futures[key] for key in order.dependencies if key in self._futures]
-        # A job that is submitted again is another one to Dask, which may still hold the first.
-        self._started[order.key] += 1
-        name = (*order.key, f"{self._session}-{self._started[order.key]}")
-        memory = self._need(order)
+        before = list(dict.fromkeys(self._futures[key] for key in batch.before if key in self._futures))
+        # What is submitted again is another task to Dask, which may still hold the first.
+        self._started[batch.key] += 1
+        name = (*batch.key, f"{self._session}-{self._started[batch.key]}")
+        memory = self._need(batch)
         some = self.workforce.suited(memory)
+        sooner = self._killed[batch.key]
         # pure=False: Dask must not take two jobs with equal arguments for one, since what counts is what they write.
-        sent = (execute_sent, order.key, dumps(order.work), self._terms, memory)
-        sooner = self._killed[order.key]
-        future = self.client.submit(*sent, *before, key=name, retries=ATTEMPTS - 1, workers=some, priority=sooner, pure=False)
-        self._orders[order.key], self._futures[order.key] = order, future
+        options: dict[str, Any] = {"key": name, "retries": ATTEMPTS - 1, "workers": some, "priority": sooner, "pure": False}
+        self._shared |= len(batch.orders) > 1
+        # Before it is submitted: whoever observes the scheduler asks for it at once.
+        self._batches[batch.key] = batch
+        future = self.client.submit(*_sent(batch), self._terms, memory, *before, **options)
+        self._futures.update(dict.fromkeys(batch.keys, future))
         if some is None:
-            self._for_some.pop(order.key, None)
+            self._for_some.pop(batch.key, None)
         else:
-            self._for_some[order.key] = some
-        self._await(order.key, future)
+            self._for_some[batch.key] = some
+        self._await(batch, future)
 
-    def _await(self, key: Key, future: Future) -> None:
-        future.add_done_callback(lambda ended: self._ended.put((key, ended)))
+    def _await(self, batch: Batch, future: Future) -> None:
+        future.add_done_callback(lambda ended: self._ended.put((batch, ended)))
 
     @property
     def busy(self) -> bool:
-        return bool(self._futures or self._waiting or self._blocked)
+        return bool(self._futures or self._waiting or self._told)
 
     def next(self) -> Finished:
-        if self._blocked:
-            return Finished(self._blocked.popleft(), "blocked")
-        key, future = self._next_ended()
-        while future.status == "error" and self._handed_out_again(key, future.exception()):
-            key, future = self._next_ended()
-        if future.cancelled():
-            # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
-            raise CommClosedError("the scheduler was lost, and all submitted jobs with it")
-        finished = _finished(key, future)
-        if finished.status != "done":
-            self._unusable.add(key)
-        # Nobody needs the result any more, which is a key; the scheduler forgets the job when those that wait for it are done.
-        del self._futures[key], self._orders[key]
-        self._for_some.pop(key, None)
-        if key == self._alone:
+        self._fill()
+        while not self._told:
+            batch, future = self._next_ended()
+            if future.status == "error" and self._handed_out_again(batch, future.exception()):
+                continue
+            if future.cancelled():
+                # Nobody here cancels a future that is still waited for: the client does so when it loses its scheduler.
+                raise CommClosedError("the scheduler was lost, and all submitted jobs with it")
+            self._forget(batch)
+            for order, finished in zip(batch.orders, _ends(batch, future), strict=True):
+                if finished.status == "done":
+                    self._last[order.key] = order
+                self._end(finished)
+            self._fill()
+        return self._told.popleft()
+
+    def _forget(self, batch: Batch) -> None:
+        # Nobody needs the result any more; the scheduler forgets the task when those that wait for it are done.
+        del self._batches[batch.key]
+        self._for_some.pop(batch.key, None)
+        for key in batch.keys:
+            del self._futures[key]
+        if batch.key == self._alone:
             self._alone = None
             allow_memory(self.client, self.memory_limit)
-        self._fill()
-        return finished
 
-    def _handed_out_again(self, key: Key, error: BaseException) -> bool:
-        """Hand a job out again where the reason is the worker, its own or that of a job before it; otherwise False."""
+    def _end(self, finished: Finished) -> None:
+        if finished.status != "done":
+            self._unusable.add(finished.key)
+        self._told.append(finished)
+
+    def learn(self, key: Key, seconds: float) -> None:
+        """A job that has ended took so long."""
+        if order := self._last.pop(key, None):
+            self._durations.learn(order, seconds)
+
+    def _handed_out_again(self, batch: Batch, error: BaseException) -> bool:
+        """Hand jobs out again where the reason is their worker, or another job than those that they wait for; otherwise False."""
         if isinstance(error, Declined):
             self._look_at(error)
-        elif not isinstance(error, KilledWorker) or not self._spared(key, error):
-            return False
-        self._start(self._orders[key])
+            self._start(batch)
+            return True
+        own = _is_own(batch, error)
+        if own and len(batch.orders) > 1:
+            return not isinstance(error, BatchFailed) and self._start_one_by_one(batch)
+        if isinstance(error, KilledWorker) and self._spared(batch.key, error):
+            self._start(batch)
+            return True
+        # Where no job shares its task, what Dask says of a task holds for the job.
+        return not own and self._shared and self._start_what_may_be_done(batch)
+
+    def _start_one_by_one(self, batch: Batch) -> bool:
+        """Hand out the jobs of a batch whose workers died: whose fault it was shows when each is alone."""
+        self._forget(batch)
+        for order in batch.orders:
+            self._start(Batch((order,)))
+        return True
+
+    def _start_what_may_be_done(self, batch: Batch) -> bool:
+        """Hand out again what waited for a batch of which other jobs failed, or was to be done with a job that is blocked."""
+        if any(self._futures[key].status == "error" for key in batch.before if key in self._futures):
+            # First it must be seen what becomes of those.
+            time.sleep(SOON)
+            self._ended.put((batch, self._futures[batch.key]))
+            return True
+        self._forget(batch)
+        useful = []
+        for order in batch.orders:
+            if self._unusable.intersection(order.dependencies):
+                self._end(Finished(order.key, "blocked"))
+            else:
+                useful.append(order)
+        if useful:
+            self._start(Batch(tuple(useful)))
         return True
 
     def _look_at(self, error: Declined) -> None:
@@ -212,48 +288,73 @@ class DaskRunner:
             self._killed[key] += 1
         return died not in self._unusable and self._killed[died] < LIVES
 
-    def _next_ended(self) -> tuple[Key, Future]:
+    def _next_ended(self) -> tuple[Batch, Future]:
         """The next future that has ended and is still in that state: Dask revokes results of workers that died since."""
         while True:
             stop_if_asked()
             self._look_after_workers()
             try:
-                key, future = self._ended.get(timeout=PATIENCE)
+                batch, future = self._ended.get(timeout=PATIENCE)
             except Empty:
                 continue
-            if future is not self._futures.get(key):  # it was handed out again since
+            if future is not self._futures.get(batch.key):  # it was handed out again since
                 continue
             self.workforce.ended()
             if future.status in ("finished", "error", "cancelled"):
-                return key, future
-            self._await(key, future)
+                return batch, future
+            self._await(batch, future)
 
     def _look_after_workers(self) -> None:
         """Hand jobs out again that nobody would do. Raises ResourceError when nobody has done anything for long."""
         if not self._futures or not self.workforce.due:
             return
-        all_again = self.workforce.look(max(map(self._need, self._orders.values())))
+        all_again = self.workforce.look(max(map(self._need, self._batches.values())))
         # Neither does the scheduler look again when all have gone to whom a job was restricted.
         stranded = {key for key, some in self._for_some.items() if not self.workforce.there(some)}
-        for key, future in list(self._futures.items()):
-            if future.status == "pending" and (all_again or (key in stranded and self._may_be_done(key))):
-                self._start(self._orders[key])
+        for key, batch in list(self._batches.items()):
+            again = all_again or (key in stranded and self.workforce.suited(self._need(batch)) != [NOBODY])
+            if again and self._futures[key].status == "pending":
+                self._start(batch)
 
-    def _need(self, order: Order) -> int:
-        """Bytes that a worker must have for a job: one that runs alone is done with the memory of the others."""
-        return min(order.memory, self.memory_limit)
-
-    def _may_be_done(self, key: Key) -> bool:
-        return self.workforce.suited(self._need(self._orders[key])) != [NOBODY]
+    def _need(self, batch: Batch) -> int:
+        """Bytes that a worker must have: a job that runs alone is done with the memory of the others."""
+        return min(batch.memory, self.memory_limit)
 
     def close(self) -> None:
         self._waiting.clear()
         # After Ctrl-C the scheduler would otherwise go on with the queued jobs; a client without scheduler would wait for one.
         if self._futures and self.client.status == "running":
             with suppress(*LOST):
-                self.client.cancel(list(self._futures.values()), force=True)
+                self.client.cancel(list(dict.fromkeys(self._futures.values())), force=True)
         self._futures.clear()
-        self._orders.clear()
+        self._batches.clear()
+
+
+def _sent(batch: Batch) -> tuple[Callable, Key | tuple[Key, ...], bytes]:
+    """What a worker calls, and its first two arguments."""
+    if len(batch.orders) == 1:
+        return execute_sent, batch.key, dumps(batch.orders[0].work)
+    own = set(batch.keys)
+    return execute_batch, batch.keys, dumps([(order.work, own.intersection(order.dependencies)) for order in batch.orders])
+
+
+def _is_own(batch: Batch, error: BaseException) -> bool:
+    """Whether an error is of one of these jobs; Dask hands it on to all tasks that depend on it."""
+    if isinstance(error, BatchFailed):
+        return not error.failed.keys().isdisjoint(batch.keys)
+    if isinstance(error, JobFailed):
+        return error.key in batch.keys
+    return not isinstance(error, KilledWorker) or cast(tuple, error.task)[:-1] == batch.key
+
+
+def _ends(batch: Batch, future: Future) -> list[Finished]:
+    """The end of each job of a batch, in their order."""
+    if len(batch.orders) == 1:
+        return [_finished(batch.key, future)]
+    error = future.exception() if future.status == "error" else BatchFailed({}, ())
+    assert isinstance(error, BatchFailed), error
+    ends = dict.fromkeys(batch.keys, "done") | dict.fromkeys(error.untried, "blocked") | dict.fromkeys(error.failed, "failed")
+    return [Finished(key, cast(End, ends[key]), error.failed.get(key, "")) for key in batch.keys]
 
 
 def _finished(key: Key, future: Future) -> Finished:

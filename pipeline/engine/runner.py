@@ -12,6 +12,9 @@ ATTEMPTS = 2
 """A failed job is tried once more: the disk may have been full for a moment, or the worker may have been killed."""
 
 
+End = Literal["done", "failed", "blocked"]
+
+
 class SchedulerLost(ResourceError):
     """What hands jobs to workers has gone, and with it all that had not ended; another runner can go on."""
 
@@ -21,7 +24,7 @@ class Finished:
     """The end of one job. "blocked" jobs were never tried, because a job that they depend on failed."""
 
     key: Key
-    status: Literal["done", "failed", "blocked"]
+    status: End
     sentence: str = ""
 
 
@@ -41,6 +44,9 @@ class Runner(Protocol):
 
     def next(self) -> Finished:
         """Wait for any job to end."""
+
+    def learn(self, key: Key, seconds: float) -> None:
+        """A job that was done took so long: what follows of its kind will take as long."""
 
     @property
     def busy(self) -> bool:
@@ -87,6 +93,9 @@ class SequentialRunner:
                     self._unusable.add(key)
                     return Finished(key, "failed", failure.sentence)
         raise AssertionError("unreachable")
+
+    def learn(self, key: Key, seconds: float) -> None:
+        """There is nothing to choose."""
 
     def close(self) -> None:
         self._waiting.clear()

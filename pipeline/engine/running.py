@@ -26,7 +26,7 @@ from orthomill.pipeline.engine.interruption import only_where_asked, stop_if_ask
 from orthomill.pipeline.engine.run_facts import DASHBOARD, TILES, RunFacts, StageTitle, write_facts
 from orthomill.pipeline.engine.runner import Runner, SchedulerLost, SequentialRunner
 from orthomill.pipeline.engine.session import Session, Watcher, now, unwatched
-from orthomill.pipeline.engine.worker_terms import shown
+from orthomill.pipeline.engine.workers.worker_terms import shown
 from orthomill.pipeline.export.exports import sweep_products
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.records.power_cut import examine_after_power_cut, flushing
@@ -282,7 +282,7 @@ def _on_dask(session: Session, options: Options, announce: Callable[[str], None]
     # Dask is imported only here: importing it takes longer than finding out that nothing has changed.
     from orthomill.pipeline.engine.dask_cluster import local_client, remote_client
     from orthomill.pipeline.engine.dask_runner import DaskRunner, kept_report
-    from orthomill.pipeline.engine.workforce import DESERTED
+    from orthomill.pipeline.engine.workers.workforce import DESERTED
 
     folder = session.folder
     patience = DESERTED

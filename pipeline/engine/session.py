@@ -191,7 +191,9 @@ class Session:
         while runner.busy or self._goes_again(runner):
             stop_if_asked()
             finished = runner.next()
-            self._note(finished, watcher)
+            record = self._note(finished, watcher)
+            if finished.status == "done" and record:
+                runner.learn(finished.key, record.seconds)
             # Planning walks through all open stages, so it is repeated only when a table has appeared that one of them waits for.
             if finished.status == "done" and self._unlocks(finished.key):
                 self._plan_and_submit(runner, watcher)
@@ -253,7 +255,8 @@ class Session:
                 f"{(needed + DISK_RESERVE) / MIB:.0f} MiB are needed; make room, then run again."
             )
 
-    def _note(self, finished: Finished, watcher: Watcher) -> None:
+    def _note(self, finished: Finished, watcher: Watcher) -> Record | None:
+        """Keeps what became of a job, and tells who watches; its record."""
         if finished.status == "done":
             self.done.add(finished.key)
             self._drop_parts(finished.key)
@@ -263,7 +266,9 @@ class Session:
         else:
             self.blocked.add(finished.key)
         # What was never tried may have a record of an earlier run.
-        watcher.finished(finished, self.records.afresh(finished.key) if finished.status != "blocked" else None)
+        record = self.records.afresh(finished.key) if finished.status != "blocked" else None
+        watcher.finished(finished, record)
+        return record
 
     def _suspect_inputs(self, key: Key) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""

@@ -206,7 +206,7 @@ def live_map(session: Session, runner: Runner, model: CostModel, announce: Calla
 
 def _served(found: LiveMap, runner: Runner, stack: ExitStack) -> str:
     """The address of the map; empty for a run without Dask, which has no second process that could answer meanwhile."""
-    from orthomill.pipeline.engine.dask_observer import asking, observe
+    from orthomill.pipeline.engine.dask_observer import EachJob, asking, observe
     from orthomill.pipeline.engine.dask_runner import DaskRunner
     from orthomill.pipeline.watching.map_server import served
     from orthomill.pipeline.watching.tile_routes import tile_routes
@@ -214,7 +214,8 @@ def _served(found: LiveMap, runner: Runner, stack: ExitStack) -> str:
     if not isinstance(runner, DaskRunner):
         return ""
     routes = tile_routes(page_template().replace('"KEPT"', '""'), found)
-    if observe(runner.client, found.board, routes, "tiles"):
+    board = EachJob(found.board, runner.jobs_of)
+    if observe(runner.client, board, routes, "tiles"):
         return f"{runner.dashboard.removesuffix('status')}tiles"
-    stack.enter_context(asking(runner.client, found.board))
+    stack.enter_context(asking(runner.client, board))
     return stack.enter_context(served(routes))

@@ -15,15 +15,15 @@ import pytest
 from held_stage import HeldStage
 from toy_stages import MEMORY, session_in
 
-from orthomill.pipeline.engine import worker_terms
 from orthomill.pipeline.engine.dask_cluster import remote_client
 from orthomill.pipeline.engine.dask_runner import DaskRunner
 from orthomill.pipeline.engine.session import Unwatched
-from orthomill.pipeline.engine.worker_terms import objection, shown
-from orthomill.pipeline.engine.workforce import Workforce
+from orthomill.pipeline.engine.workers import worker_terms
+from orthomill.pipeline.engine.workers.worker_terms import objection, shown
+from orthomill.pipeline.engine.workers.workforce import Workforce
 from orthomill.schemas.errors import ResourceError
 
-OTHER = "import orthomill.pipeline.engine.worker_terms as terms\nterms.__version__ = '0.0.1'\n"
+OTHER = "import orthomill.pipeline.engine.workers.worker_terms as terms\nterms.__version__ = '0.0.1'\n"
 
 
 class Cluster:

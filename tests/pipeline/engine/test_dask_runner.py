@@ -11,12 +11,12 @@ from distributed.comm import CommClosedError
 from toy_stages import SIZE, make_size
 
 from orthomill.pipeline.engine import dask_runner as runner_module
-from orthomill.pipeline.engine import workforce as workforce_module
 from orthomill.pipeline.engine.dask_cluster import free_port, opened
 from orthomill.pipeline.engine.dask_runner import DaskRunner, execute_sent, kept_report
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder
 from orthomill.pipeline.engine.runner import Finished, SchedulerLost
-from orthomill.pipeline.engine.worker_terms import Declined
+from orthomill.pipeline.engine.workers import workforce as workforce_module
+from orthomill.pipeline.engine.workers.worker_terms import Declined
 from orthomill.pipeline.records.records import Fingerprint
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.job import Job

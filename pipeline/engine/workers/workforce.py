@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from orthomill.pipeline.engine.dask_cluster import LOST, objections
-from orthomill.pipeline.engine.worker_terms import Terms
+from orthomill.pipeline.engine.workers.worker_terms import Terms
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.memory import MIB
 
@@ -37,6 +37,11 @@ class Workforce:
         self._dismissed: set[str] = set()
         self._at_work = self._looked = time.monotonic()
         self._told = False
+
+    @property
+    def number(self) -> int:
+        """Workers at the last look, at least one."""
+        return max(len(self._room), 1)
 
     def suited(self, memory: int) -> list[str] | None:
         """The workers that have so many bytes; None where all have, and those that join later are welcome."""

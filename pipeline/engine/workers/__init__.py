@@ -1,0 +1,1 @@
+"""What workers are asked for and given: terms, numbers, jobs that go together."""
