@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.scale.recorded_layout import Layout, enlarged
+from benchmarks.scale.recorded_layout import JOINING, Layout, enlarged, with_parts
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
 
 IDEAL = Cluster(1, dispatch=0.0, engine=0.0, latency=0.0)
@@ -29,6 +29,12 @@ def test_a_chain_takes_the_sum_whatever_the_workers():
 def test_many_short_jobs_take_as_long_as_the_scheduler_needs():
     outcome = simulated(jobs_of([0.01] * 100), IDEAL._replace(workers=100, dispatch=0.1))
     assert outcome.clock == pytest.approx(100 * 0.1 + 0.01) and outcome.busy == pytest.approx(1.0, abs=0.01)
+
+
+def test_short_jobs_that_go_together_share_what_the_scheduler_does():
+    cluster = IDEAL._replace(workers=100, dispatch=0.1, together=0.05)
+    assert simulated(jobs_of([0.01] * 100), cluster).clock == pytest.approx(100 * 0.1 / 5 + 0.01)
+    assert simulated(jobs_of([1.0] * 100), cluster).clock == pytest.approx(100 * 0.1 + 1.0)
 
 
 def test_what_the_scheduler_does_not_hold_cannot_begin():
@@ -62,3 +68,12 @@ def test_a_project_of_four_blocks_waits_for_what_is_made_once():
     assert simulated(whole, IDEAL._replace(workers=8)).clock == 1.0 + 16.0 + 1.0
     larger = enlarged(layout, 40.0, 1024)
     assert len(larger.seconds) == 5 and larger.seconds.sum() == whole.seconds.sum()
+
+
+def test_a_large_file_is_a_part_for_each_block_and_a_job_that_joins_them():
+    """A tile, a file of it, and a job that reads the file."""
+    jobs = jobs_of([1.0, 10.0, 1.0], (), (0,), (1,))
+    layout = Layout(10.0, 512, jobs, np.array([False, True, True]), 0.0)
+    assert simulated(enlarged(layout, 40.0, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
+    parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 512)
+    assert simulated(parted, IDEAL._replace(workers=8)).clock == pytest.approx(1.0 + 10.0 + 40.0 * JOINING + 4.0)

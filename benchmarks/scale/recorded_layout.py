@@ -1,7 +1,7 @@
 """The jobs of a finished run, and of a project that many blocks like it make up."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,9 @@ from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_wor
 from orthomill.schemas.job import Export
 from orthomill.tasks.catalogue import STAGES
 
+JOINING = 0.1
+"""processor time of the job that joins the parts of a file, for that of all parts: 0.43 s for 4.22 s of heights and 0.34 s for
+3.55 s of an orthoimage of 8192 x 4200 px, 0.38 s for 6.5 s of a point cloud"""
 LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
 
@@ -60,7 +63,34 @@ def layout_of(project: str) -> Layout:
     )
     megapixels = photograph_pixels(session) / 1e6
     stored = sum(kept.size for record in records if record for kept in record.files.values())
-    return Layout(megapixels, session.project.tile, jobs, _once(kept), stored / megapixels)
+    layout = Layout(megapixels, session.project.tile, jobs, _once(kept), stored / megapixels)
+    return with_parts(layout, np.array([_goes_in_parts(planned) for planned in kept]))
+
+
+def _goes_in_parts(planned: PlannedJob) -> bool:
+    """Whether a larger project makes a file in parts, as it is done for rasters above 4096 px."""
+    job = planned.job
+    return isinstance(job, Export) and job.format in ("cog", "laz") and bool(job.rasters) and not job.tables
+
+
+def with_parts(layout: Layout, parted: np.ndarray) -> Layout:
+    """The same where the jobs that are `parted` (N,) make a part of a file for each block, and one job for all joins them."""
+    jobs, numbers = layout.jobs, np.flatnonzero(parted)
+    joining = len(jobs.seconds) + np.arange(len(numbers))
+    # What waited for a file waits for the job that joins it.
+    renamed = np.arange(len(jobs.seconds))
+    renamed[numbers] = joining
+    ones = np.ones(len(numbers), int)
+    larger = Jobs(
+        np.append(jobs.seconds, JOINING * jobs.seconds[numbers]),
+        np.append(jobs.reads, ones),
+        np.append(jobs.writes, ones),
+        # They are read and written as they are; what a part read of the store is not told apart.
+        np.append(jobs.bytes, jobs.bytes[numbers]),
+        np.append(jobs.first, jobs.first[-1] + np.cumsum(ones)),
+        np.append(renamed[jobs.before], numbers),
+    )
+    return replace(layout, jobs=larger, once=np.append(layout.once & ~parted, np.ones(len(numbers), bool)))
 
 
 def _bytes(planned: PlannedJob, record: Record | None) -> int:

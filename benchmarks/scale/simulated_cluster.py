@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
+from orthomill.pipeline.engine.workers.order_batches import MOST
 
 
 class Jobs(NamedTuple):
@@ -26,9 +27,10 @@ class Jobs(NamedTuple):
 
 
 class Cluster(NamedTuple):
-    """`dispatch`: s for which a job keeps the scheduler busy; `engine`: s of a worker for a job beside its work; `held`: jobs that
-    the scheduler holds; `latency`: s a request; `bandwidth`: bytes a second of a worker; `refused`: share of requests that fail,
-    repeated after `pause` s; `life`: mean s until a worker is taken away, `absence`: s until it is back."""
+    """`dispatch`: s for which a task keeps the scheduler busy, which is a job or several that take `together` s; `engine`: s of a
+    worker for a job beside its work; `held`: jobs that the scheduler holds; `latency`: s a request; `bandwidth`: bytes a second of
+    a worker; `refused`: share of requests that fail, repeated after `pause` s; `life`: mean s until a worker is taken away,
+    `absence`: s until it is back."""
 
     workers: int
     dispatch: float
@@ -40,6 +42,7 @@ class Cluster(NamedTuple):
     pause: float = 1.0
     life: float = np.inf
     absence: float = 120.0
+    together: float = 0.0
 
 
 class Outcome(NamedTuple):
@@ -66,8 +69,9 @@ def simulated(jobs: Jobs, cluster: Cluster, seed: int = 0) -> Outcome:
     # Whether its worker is taken away while it runs, and when: at most once a job, for jobs are short beside a worker's life.
     until = random.exponential(cluster.life, len(seconds)) if np.isfinite(cluster.life) else np.full(len(seconds), np.inf)
     followers, after = _followers(jobs)
+    dispatch = cluster.dispatch / np.clip(cluster.together / np.maximum(seconds, 1e-3), 1.0, MOST)
     clock, busy = _played(
-        seconds, until, np.diff(jobs.first), followers, after, cluster.workers, cluster.dispatch, cluster.held, cluster.absence
+        seconds, until, np.diff(jobs.first), followers, after, cluster.workers, dispatch, cluster.held, cluster.absence
     )
     lost = float(until[until < seconds].sum())
     return Outcome(clock, float(jobs.seconds.sum()), busy / clock, lost, float(jobs.seconds.max()))
@@ -97,8 +101,8 @@ def _played(seconds, until, missing, followers, after, workers, dispatch, held, 
             handed += 1
         while ready and free > 0:
             job = heappop(ready)
-            next_start = max(now, next_start) + dispatch
-            busy += dispatch
+            next_start = max(now, next_start) + dispatch[job]
+            busy += dispatch[job]
             free -= 1
             spent = seconds[job] if until[job] >= seconds[job] else until[job] + absence + seconds[job]
             heappush(ends, (next_start + spent, job))
