@@ -169,6 +169,14 @@ _ALL = (
         RUN,
         "RUN ...: finished runs of simulated towns",
     ),
+    Study(
+        "surveyed_flights",
+        "accuracy.surveyed_flights",
+        "whether what is stated of products holds on simulated flights that were run whole, each with errors of its own",
+        "an hour",
+        EVERYTHING,
+        words="[FOLDER] [count=N]: where flights are kept",
+    ),
     # orientation and adjustment
     Study(
         "orientation_real",
@@ -235,6 +243,14 @@ _ALL = (
         ADJUSTMENT,
         words="[--quick] [count=N]",
         pages=("benchmarks/results/flights*.md",),
+    ),
+    Study(
+        "lever_arms",
+        "flights.lever_arms",
+        "antennas beside the lens, and positions that drift: given back with their standard errors",
+        "minutes",
+        ADJUSTMENT,
+        words="[count=N]",
     ),
     Study(
         "rtk_flight",
