@@ -117,6 +117,17 @@ def test_a_run_with_a_profile_holds_itself_against_it(world, monkeypatch):
     assert not event["complete"] and event["text"] in said and event["page"] == str(page)
 
 
+def test_a_run_that_ends_before_its_products_says_that_it_was_not_judged(world, monkeypatch):
+    monkeypatch.chdir(world)
+    page = world / "runs" / PROJECT / "acceptance.html"
+    before = page.read_bytes() if page.exists() else None
+    said = command("run", PROJECT, "--until", "orientation")
+    assert "Acceptance by asprs_2023 was not judged: the run ended with orientation" in said and "texture, " in said
+    event = json.loads(command("run", PROJECT, "--until", "orientation", "--json").splitlines()[-1])
+    assert (event["event"], event["complete"]) == ("acceptance", None) and event["text"] in said
+    assert (page.read_bytes() if page.exists() else None) == before
+
+
 def test_what_is_left_to_other_tests_is_tested_there():
     missing = [place for place in ELSEWHERE.values() if place.startswith("tests/") and not (ROOT / place).exists()]
     assert not missing and len(TYPED) > 45

@@ -81,18 +81,25 @@ def run(
             tls=_tls_files(scheduler, (tls_ca, tls_cert, tls_key)),
         )
         end = run_project(loaded, asked if cluster is None else _on_cluster(asked, cluster), as_json)
-        if loaded.project.acceptance.kind != "none" and not (until or store):
-            _accept(loaded, as_json)
+        if loaded.project.acceptance.kind != "none":
+            _accept(loaded, until, as_json)
     if end.doubts and strict:
         raise typer.Exit(3)
 
 
-def _accept(loaded: "LoadedWorkflow", as_json: bool) -> None:
-    """Hold the finished run against what was agreed, and say whether it keeps that."""
+def _accept(loaded: "LoadedWorkflow", until: str | None, as_json: bool) -> None:
+    """Hold the finished run against what was agreed, and say whether it keeps that, or why that was not asked."""
     from orthomill.pipeline.cli.lookups.delivery import profile_of
     from orthomill.pipeline.cli.lookups.kept_acceptance import PAGE, accept_run
+    from orthomill.pipeline.cli.lookups.unjudged_run import unjudged
     from orthomill.tasks.lookups import accepted
 
+    if reason := unjudged(loaded, until):
+        if as_json:
+            print(json.dumps({"event": "acceptance", "complete": None, "text": reason, "page": None}), flush=True)
+        else:
+            out.print(escape(reason), soft_wrap=True)
+        return
     result = accept_run(loaded, profile_of(None, loaded.project), accepted)
     page = loaded.run_folder / PAGE
     if as_json:
