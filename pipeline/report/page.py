@@ -63,12 +63,17 @@ class ChartView:
     caption: str
 
 
+_SENTENCE = 80
+"""letters of a cell from which on it needs room for a line, on a telephone as well"""
+
+
 @dataclass(frozen=True)
 class GridView:
-    """A table with its cells as text; `numeric` says which columns are right-aligned."""
+    """A table with its cells as text; `numeric` says which columns are right-aligned, `long` which hold sentences."""
 
     grid: Grid
     numeric: tuple[bool, ...]
+    long: tuple[bool, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
@@ -230,4 +235,6 @@ def _grid_view(grid: Grid) -> GridView:
     # Rows may be shorter than the header: later columns are absent where a method did not get that far.
     columns = [tuple(row[place] if place < len(row) else None for row in grid.rows) for place in range(len(grid.columns))]
     texts = [numbers.column_texts(column) for column in columns]
-    return GridView(grid, tuple(numbers.is_numeric(column) for column in columns), tuple(zip(*texts, strict=True)))
+    numeric = tuple(numbers.is_numeric(column) for column in columns)
+    long = tuple(any(len(text) > _SENTENCE for text in column) for column in texts)
+    return GridView(grid, numeric, long, tuple(zip(*texts, strict=True)))

@@ -155,9 +155,9 @@ def _figures(statement: AccuracyStatement) -> Iterator[Figure]:
 
 def _grids(tests: PointTests, statement: AccuracyStatement) -> Iterator[Grid]:
     if statement.figures:
-        rows = tuple((_WORDS[figure.kind], figure.points, figure.needed, figure.sentence) for figure in statement.figures)
+        rows = tuple((_WORDS[figure.kind], figure.sentence, figure.points, figure.needed) for figure in statement.figures)
         note = "RMSE: root of the sum of squares of the differences' root mean square and the survey's, as edition 2 asks for."
-        yield Grid(title="As the standard words it", columns=("accuracy", "points", "needed", "statement"), rows=rows, note=note)
+        yield Grid(title="As the standard words it", columns=("accuracy", "statement", "points", "needed"), rows=rows, note=note)
     if tests.points:
         columns = (
             "point",
