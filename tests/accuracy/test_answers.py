@@ -162,6 +162,20 @@ def test_what_lies_elsewhere_is_said_so():
         measure(Ramp(), (DrawnFeature("far", "point", np.array([[0.0, 0.0]])),), MeasureRules())
 
 
+def test_one_feature_that_cannot_be_measured_keeps_no_answer_from_the_others():
+    bow = np.array([[1010.0, 1910.0], [1050.0, 1950.0], [1050.0, 1910.0], [1010.0, 1950.0]])
+    spot, far = (
+        DrawnFeature(name, "point", np.array([place])) for name, place in (("spot", [1020.0, 1930.0]), ("far", [0.0, 0.0]))
+    )
+    answers = measure(Ramp(), (far, spot, DrawnFeature("bow", "polygon", bow)), MeasureRules()).answers
+    assert [(a.feature, a.quantity, np.isfinite(a.value)) for a in answers] == [
+        ("far", "height", False),
+        ("spot", "height", True),
+        ("bow", "volume", False),
+    ]
+    assert "lies outside of the surface" in answers[0].note and "crosses itself" in answers[2].note
+
+
 def test_an_outline_that_crosses_itself_is_refused_and_one_that_touches_itself_is_not():
     bow = np.array([[1010.0, 1910.0], [1050.0, 1950.0], [1050.0, 1910.0], [1010.0, 1950.0]])
     with pytest.raises(GeometryError, match="bow crosses itself"):

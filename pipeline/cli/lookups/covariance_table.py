@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
 
 import numpy as np
@@ -73,6 +73,20 @@ def _row(first: str, second: str, covariance: np.ndarray | None, unit: str) -> d
     return {**row, "covariance": None if covariance is None else covariance.tolist()}
 
 
+def _photo(word: str, block: Block) -> str:
+    """The name in the block of a photograph that is called by its name or its file, in any case. Raises StoreError."""
+    if word in block.names:
+        return word
+    called = {_plain(name): name for name in block.names}
+    name = called.get(_plain(word), word)
+    block.check_holds(name)
+    return name
+
+
+def _plain(word: str) -> str:
+    return PurePosixPath(word.replace("\\", "/")).stem.casefold()
+
+
 def _is_number(word: str) -> bool:
     try:
         return math.isfinite(float(word))
@@ -92,8 +106,7 @@ def _read(path: Path, block: Block) -> tuple[dict[str, np.ndarray], list[str]]:
         if not words or words[0].startswith("#"):
             continue
         if len(words) == 1:
-            block.check_holds(words[0])
-            photos.append(words[0])
+            photos.append(_photo(words[0], block))
             continue
         try:
             place = np.array([float(word) for word in words[-3:]])

@@ -8,6 +8,7 @@ import numpy as np
 
 from orthomill.schemas.accuracy.surface_answers import (
     DrawnFeature,
+    FeatureKind,
     MeasuredAnswers,
     MeasuredSource,
     MeasureRules,
@@ -29,24 +30,33 @@ MOST_CELLS = 40_000_000
 """cells around one feature that are held in memory"""
 _NOTHING = 0.01
 """m3, below which noise makes nothing that is worth a number"""
+_ASKED: dict[FeatureKind, str] = {"point": "height", "line": "distance", "polygon": "volume"}
+"""what a feature of a kind asks for first"""
 
 
 def measure(surface: MeasuredSource, features: tuple[DrawnFeature, ...], rules: MeasureRules) -> MeasuredAnswers:
-    """All answers about all features. Raises GeometryError for a feature that is too large, crosses itself or lies
-    off the surface."""
+    """All answers about all features; one that is too large, crosses itself or lies off the surface has a note instead. Raises
+    GeometryError where that holds for all."""
     correlation = surface_correlation(surface)
     answers: list[SurfaceAnswer] = []
     profiles: list[ProfilePoint] = []
+    refused: list[GeometryError] = []
     for feature in features:
-        window = _around(surface.grid, feature)
-        part = _part(surface.read(window), window)
-        if feature.kind == "point":
-            answers.extend(_spot(feature, surface.grid, window, part, correlation))
-        elif feature.kind == "line":
-            answers.extend(_line(feature, surface.grid, window, part, correlation, rules))
-            profiles.extend(_profile(feature, surface.grid, window, part, correlation, rules))
-        else:
-            answers.extend(_polygon(feature, surface, window, part, correlation, rules))
+        try:
+            window = _around(surface.grid, feature)
+            part = _part(surface.read(window), window)
+            if feature.kind == "point":
+                answers.extend(_spot(feature, surface.grid, window, part, correlation))
+            elif feature.kind == "line":
+                answers.extend(_line(feature, surface.grid, window, part, correlation, rules))
+                profiles.extend(_profile(feature, surface.grid, window, part, correlation, rules))
+            else:
+                answers.extend(_polygon(feature, surface, window, part, correlation, rules))
+        except GeometryError as error:
+            refused.append(error)
+            answers.append(SurfaceAnswer(feature.name, _ASKED[feature.kind], math.nan, math.nan, "", note=str(error)))
+    if refused and len(refused) == len(features):
+        raise refused[0]
     return MeasuredAnswers(tuple(answers), tuple(profiles), correlation_words(correlation))
 
 

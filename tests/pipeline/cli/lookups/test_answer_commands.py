@@ -18,7 +18,7 @@ from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answ
 from orthomill.pipeline.report.acceptance_page import acceptance_page
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.acceptance import AcceptanceResult
-from orthomill.schemas.errors import StoreError, WorkflowError
+from orthomill.schemas.errors import PhotoError, StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.project import Project
 from orthomill.schemas.raster import MapGrid, map_raster
@@ -95,6 +95,12 @@ def test_covariances_need_a_block_and_points(run, tmp_path):
     Store(run).write_table(BLOCK, block_of(pair))
     found = covariance_table(run, path, None, StoredCovariance)
     assert found.count == 0 and "fewer than two photographs" in found.missed[0]
+    name = block_of(pair).names[0]
+    path.write_text(f"photographs/{name.upper()}.JPG\n")
+    assert json.loads(covariance_table(run, path, None, StoredCovariance).json)["covariances"][0]["first"] == name
+    path.write_text("nobody.jpg\n")
+    with pytest.raises(PhotoError, match=r"nobody\.jpg is not in the block"):
+        covariance_table(run, path, None, StoredCovariance)
     path.write_text("P 1 2\n")
     with pytest.raises(WorkflowError, match="line 1: 'P 1 2' is neither"):
         covariance_table(run, path, None, StoredCovariance)
