@@ -1,6 +1,7 @@
 """What `orthomill accept` keeps: clauses with all that makes them a document, and whether they still follow from what is there."""
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -21,9 +22,35 @@ PAGE = "acceptance.html"
 Accept = Callable[[AcceptanceLimits, DeliveryFacts, str], AcceptanceResult]
 
 
-def digested(named: Iterable[tuple[str, Path]]) -> tuple[AcceptedFile, ...]:
+@dataclass(frozen=True)
+class KnownDigests:
+    """Digests of an acceptance by name, and when it was written (ns)."""
+
+    files: dict[str, AcceptedFile]
+    written: int
+
+    def of(self, name: str, path: Path) -> AcceptedFile | None:
+        """That of a file which has its size and was not touched since; None for any other."""
+        known, status = self.files.get(name), path.stat()
+        # The time of change beside that of the content: a copy or a file put in its place may have an old time of content.
+        untouched = max(status.st_mtime_ns, status.st_ctime_ns) < self.written
+        return known if known and untouched and known.size == status.st_size else None
+
+
+NOTHING_KNOWN = KnownDigests({}, 0)
+
+
+def known_digests(folder: Path) -> KnownDigests:
+    """Those that the last acceptance of a run holds: products of many gigabytes are not read again by every run."""
+    kept = read_acceptance(folder)
+    if kept is None or kept.record is None:
+        return NOTHING_KNOWN
+    return KnownDigests({file.path: file for file in kept.record.files}, (folder / ACCEPTANCE).stat().st_mtime_ns)
+
+
+def digested(named: Iterable[tuple[str, Path]], known: KnownDigests = NOTHING_KNOWN) -> tuple[AcceptedFile, ...]:
     """Files by the names that they are given, those of folders one by one. Raises OSError."""
-    return tuple(_digested(named))
+    return tuple(_digested(named, known))
 
 
 def by_name(paths: Iterable[Path | None]) -> Iterator[tuple[str, Path]]:
@@ -41,12 +68,17 @@ def inputs_of(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
     yield from ((path, loaded.root / path) for path in named_inputs(loaded.project))
 
 
-def _digested(named: Iterable[tuple[str, Path]]) -> Iterator[AcceptedFile]:
+def _digested(named: Iterable[tuple[str, Path]], known: KnownDigests) -> Iterator[AcceptedFile]:
     for name, path in named:
         inside = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
         for file in inside:
-            known, below = digest_of(file), file.relative_to(path).as_posix()
-            yield AcceptedFile(path=name if file == path else f"{name}/{below}", size=known.size, sha256=known.sha256)
+            called = name if file == path else f"{name}/{file.relative_to(path).as_posix()}"
+            yield known.of(called, file) or _digest(called, file)
+
+
+def _digest(name: str, path: Path) -> AcceptedFile:
+    found = digest_of(path)
+    return AcceptedFile(path=name, size=found.size, sha256=found.sha256)
 
 
 def area_of(limits: AcceptanceLimits, root: Path) -> Path | None:
@@ -92,7 +124,8 @@ def accept_run(loaded: LoadedWorkflow, limits: AcceptanceLimits, accept: Accept)
     """Hold a finished run against a profile, and keep that with its report. Raises StoreError, WorkflowError."""
     facts = facts_of_run(loaded.run_folder, loaded.project.crs, area_of(limits, loaded.root))
     result = accept(limits, facts, loaded.project.project)
-    return keep(loaded, recorded(result, limits, facts, digested(of_run(loaded)), digested(inputs_of(loaded))))
+    products = digested(of_run(loaded), known_digests(loaded.run_folder))
+    return keep(loaded, recorded(result, limits, facts, products, digested(inputs_of(loaded))))
 
 
 def keep(loaded: LoadedWorkflow, result: AcceptanceResult) -> AcceptanceResult:

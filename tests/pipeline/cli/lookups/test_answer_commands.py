@@ -1,6 +1,7 @@
 """`measure`, `covariance` and `accept` on a small run: what they answer, and what they refuse."""
 
 import json
+import os
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from village_pair import block_of, normal_case
 from orthomill.finished_project import FinishedProject
 from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
 from orthomill.pipeline.cli.lookups.delivery import Delivered, acceptance_lines, facts_of_files, facts_of_run, profile_of
-from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, reaccepted, recorded, written
+from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, known_digests, reaccepted, recorded, written
 from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answer_lines, measured_answers
 from orthomill.pipeline.report.acceptance_page import acceptance_page
 from orthomill.pipeline.storage.store import Store
@@ -189,6 +190,21 @@ def test_an_acceptance_that_says_the_same_keeps_its_date(kept):
     assert as_kept(other, kept) == other
     (kept / "acceptance.json").unlink()
     assert again(kept) == () and as_kept(other, kept) == other
+
+
+def test_a_digest_is_taken_over_where_the_file_was_not_touched_since(kept):
+    named, other = [("products", kept / "products")], "0" * 64
+    path = kept / "acceptance.json"
+    path.write_text(path.read_text().replace(digested(named)[0].sha256, other))
+    assert [file.sha256 for file in digested(named, known_digests(kept))] == [other]
+    # Another content of the same size and with the old time.
+    product = kept / "products" / "points.laz"
+    times = product.stat().st_atime_ns, product.stat().st_mtime_ns
+    product.write_bytes(b"hights!")
+    os.utime(product, ns=times)
+    assert digested(named, known_digests(kept)) == digested(named)
+    path.unlink()
+    assert digested(named, known_digests(kept)) == digested(named)
 
 
 def test_files_are_named_as_they_are_given(tmp_path):
