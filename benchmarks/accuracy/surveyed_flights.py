@@ -61,10 +61,9 @@ class Surveyed:
         return root_mean_square(length[length <= GROSS * np.median(length)])
 
     def truth(self, figure: AccuracyFigure) -> float:
-        """What a figure should state, m: the survey is in the differences and, by the standard, added to them; so is what places in
-        an orthoimage can be measured to."""
+        """What a figure should state, m: the survey is in the differences and, by the standard, added to them."""
         own, coordinates = (self.true_height, 1) if figure.kind == "nva" else (self.true_place, 2)
-        return math.sqrt(own**2 + 2 * coordinates * self.plan.survey_sigma**2 + (figure.measuring or 0.0) ** 2)
+        return math.sqrt(own**2 + 2 * coordinates * self.plan.survey_sigma**2)
 
 
 def surveyed(plan: Plan, root: Path) -> Surveyed:
@@ -155,8 +154,8 @@ def page(flights: list[Surveyed]) -> str:
             "Class range: from the class of the interval's lower end to the proved class. Plain class: by the standard's formula",
             "alone. Ceiling: how often the most probable class is the right one at best, from so many points with normal errors.",
             "The truth is the root mean square at up to 3000 places of each surface where a point can test it, and that of the",
-            "places of the orthoimage there; the survey's part, and that of measuring in an orthoimage, are in what is stated and",
-            "in it.",
+            "places of the orthoimage there; the survey's part is in what is stated and in it. What measuring places in an",
+            "orthoimage adds, marks above all, is in the plain class, and in no interval's low end.",
             f"{gross} heights beyond {GROSS:g} promised errors are in no truth.",
             "",
             f"The level of surfaces (median error) lies within 1 and 2 standard errors of the block's place in {one} and {two} %",

@@ -46,7 +46,8 @@ class AccuracyFigure(_Stated):
     """root of the sum of squares of both: what the standard calls the accuracy of the product"""
     low: float
     high: float | None
-    """95 % confidence interval of `rmse`, for so few points; None: a single point tells no upper end"""
+    """95 % confidence interval of the product's own `rmse`, for so few points: without `measuring` at the low end; None: a single
+    point tells no upper end"""
     mean: float
     """mean difference, m (in height), or the length of the mean difference in plan"""
     robust: float | None

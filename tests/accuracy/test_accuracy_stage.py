@@ -184,6 +184,25 @@ def test_what_was_tested_is_told_with_its_interval_and_few_points_with_the_stand
     assert not report.warnings
 
 
+def test_what_measuring_made_of_the_differences_in_plan_is_no_error_of_the_product():
+    """Orthoimages without error, and with one of 0.3 m, at points that were marked to 0.1 m in each direction."""
+    rng, held, too_good = np.random.default_rng(4), [], []
+    for own in (0.0, 0.3):
+        truth = math.hypot(own, 2 * 0.01)
+        for _ in range(300):
+            points = made(20).points
+            away = np.array([own, 0.0]) + rng.normal(0, math.hypot(0.1, 0.01), (20, 2))
+            places = (
+                PlaceTest(reason=TESTED, place=(p.surveyed[0] + x, p.surveyed[1] + y), sigma=(0.1, 0.1), photos=3)
+                for p, (x, y) in zip(points, away, strict=True)
+            )
+            moved = tuple(p.model_copy(update={"place": place}) for p, place in zip(points, places, strict=True))
+            found = statement_of(PointTests(points=moved, area_km2=1.0)).of("horizontal")
+            held.append(found.low <= truth <= found.high)
+            too_good.append(found.high < math.hypot(truth, found.measuring))
+    assert np.mean(held) > 0.95 and np.mean(too_good) < 0.045
+
+
 def test_a_shifted_surface_is_named_and_its_promise_called_too_small():
     report = report_of(made(up=0.5))
     assert any("as a whole lies 0.5" in warning for warning in report.warnings)

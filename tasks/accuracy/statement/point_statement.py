@@ -45,8 +45,18 @@ def _horizontal(tests: PointTests) -> AccuracyFigure | None:
     promised = np.array(predicted) if predicted and all(p is not None for p in predicted) else None
     difference, survey = np.array([p.place_difference for p in points]), np.array([p.sigma[:2] for p in points])
     found = accuracy_of("horizontal", difference, survey, promised, tests.area_km2)
-    places = np.array([p.place.sigma for p in points if p.place and p.place.sigma])
-    return found and found.model_copy(update={"measuring": float(np.sqrt((places**2).sum(axis=1).mean()))})
+    return found and _less_measuring(found, points)
+
+
+def _less_measuring(found: AccuracyFigure, points: list[PointTest]) -> AccuracyFigure:
+    """With what measuring the places has in the differences: marks and matching are no error of the orthoimage, and how much of the
+    differences they made nobody knows. The low end of the interval is what is left without them."""
+    known = [p.place.sigma for p in points if p.place and p.place.sigma]
+    if not known:
+        return found
+    measuring = float(np.sqrt((np.array(known) ** 2).sum(axis=1).mean()))
+    left = math.sqrt(max(found.low**2 - found.survey**2 - measuring**2, 0.0))
+    return found.model_copy(update={"measuring": measuring, "low": math.hypot(left, found.survey)})
 
 
 def _heights(tests: PointTests) -> Iterator[AccuracyFigure | None]:
@@ -75,7 +85,8 @@ def _vertical(
 def _space(tests: PointTests) -> AccuracyFigure | None:
     points = [p for p in tests.points if p.place_difference and p.height_difference is not None and not p.vegetated]
     difference = np.array([(*(p.place_difference or ()), p.height_difference) for p in points])
-    return accuracy_of("three_dimensional", difference, np.array([p.sigma for p in points]), None, tests.area_km2)
+    found = accuracy_of("three_dimensional", difference, np.array([p.sigma for p in points]), None, tests.area_km2)
+    return found and _less_measuring(found, points)
 
 
 def _named(points: tuple[PointTest, ...]) -> tuple[NamedError, ...]:
