@@ -17,6 +17,7 @@ pytest.importorskip("obstore")
 from orthomill.pipeline.storage.depots.bucket import bucket_of
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
+from tests.support.engine.surface_stage import SurfaceStage
 from tests.support.engine.toy_stages import pixels, run_in
 
 WEED = shutil.which("weed")
@@ -104,6 +105,17 @@ def test_a_run_is_that_of_a_folder_and_holds_no_key(server, tmp_path):
     assert KEY.encode() not in kept and SECRET.encode() not in kept
     store.clear("")
     assert list(store.names("")) == []
+
+
+def test_parts_of_a_large_product_go_there_too(server, tmp_path):
+    keep_in(tmp_path / "there/runs/toy", "s3://trial/large")
+    run_in(tmp_path / "there", SurfaceStage())
+    run_in(tmp_path / "here", SurfaceStage())
+    store, product = bucket_of("s3://trial/large/toy"), (tmp_path / "here/runs/toy/products/z.tif").read_bytes()
+    assert list(store.names("parts")) == [] and store.get("products/z.tif") == product
+    store.delete("products/z.tif")
+    assert {key[1] for key in run_in(tmp_path / "there", SurfaceStage()).done} == {"file", "file-parts"}
+    assert list(store.names("parts")) == [] and store.get("products/z.tif") == product
 
 
 def test_what_was_answered_is_there_after_the_server_was_killed_and_what_was_not_is_repeated(server):
