@@ -102,10 +102,11 @@ def _bytes(planned: PlannedJob, record: Record | None) -> int:
 
 def _once(kept: list[PlannedJob]) -> np.ndarray:
     """Every file that is exported whole, and what a function makes in a single job: those that go by photograph, pair or tile make
-    more, and so do exports of a window."""
+    more, and so do exports of a window, and points, of which large projects have a file a tile."""
     functions = Counter(family_of(one) for one in kept)
     return np.array([
-        one.job.window is None if isinstance(one.job, Export) else functions[family_of(one)] == 1 for one in kept
+        one.job.window is None and one.job.format != "laz" if isinstance(one.job, Export) else functions[family_of(one)] == 1
+        for one in kept
     ])  # fmt: skip
 
 
