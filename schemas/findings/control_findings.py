@@ -60,7 +60,8 @@ class ControlElsewhere(_OfControl):
         system = "" if self.fits == self.crs else f"in {self.fits}"
         # In degrees people exchange latitude and longitude, on a map X and Y.
         axes = "latitude before longitude" if self.fits == GEOGRAPHIC else "X and Y exchanged"
-        return " ".join(word for word in ("they would be there", system, f"with {axes}" if self.exchanged else "") if word)
+        there = " ".join(word for word in ("they would be there", system, f"with {axes}" if self.exchanged else "") if word)
+        return f"{there}: state it (control > crs)" if system else there
 
 
 # Lists made from a map have plan coordinates only, and 0 where the format asks for a height.

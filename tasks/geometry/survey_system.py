@@ -11,6 +11,8 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.aoi import AreaOfInterest
 from pyproj.crs import GeographicCRS
+from pyproj.database import query_crs_info
+from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
@@ -23,6 +25,8 @@ from orthomill.tasks.geometry.topocentric import degrees_of
 
 _ZONES_IN_FRONT = ("EPSG:5651", "EPSG:4647", "EPSG:5650")
 """ETRS89 / UTM zones 31 to 33 with the zone before the easting, as German offices write it"""
+_REGION = 5_000.0
+"""square degrees: systems of a larger area are those of the whole Earth or of a continent's statistics"""
 _LONG = 60
 """letters of the name of a system, beyond which it is its whole definition"""
 _NEIGHBOURHOOD = 0.01  # degrees
@@ -208,12 +212,24 @@ def fitting_system(points: np.ndarray, source: str, target: str, site: np.ndarra
     zone = int((longitude + 180.0) // 6.0) + 1
     utm = [f"EPSG:{(32600 if latitude >= 0 else 32700) + z}" for z in (zone, zone - 1, zone + 1) if 1 <= z <= 60]
     # The neighbouring zones, because surveys near the edge of a zone are often kept in the next one; Web Mercator, because maps on
-    # the web hand out such coordinates.
-    for name, swapped in product([source, target, "EPSG:4326", *utm, *_ZONES_IN_FRONT, "EPSG:3857"], (False, True)):
-        xy = points[:, [1, 0]] if swapped else points[:, :2]
-        if _median_distance(xy, name, target, site) < _NEAR:
-            return FittingSystem(name, swapped)
+    # the web hand out such coordinates. Then the grids of the country, because a receiver's surveyor works in them.
+    usual = [source, target, "EPSG:4326", *utm, *_ZONES_IN_FRONT, "EPSG:3857"]
+    for systems in (lambda: usual, lambda: _regional_systems(longitude, latitude)):
+        for name, swapped in product(systems(), (False, True)):
+            xy = points[:, [1, 0]] if swapped else points[:, :2]
+            if _median_distance(xy, name, target, site) < _NEAR:
+                return FittingSystem(name, swapped)
     return None
+
+
+def _regional_systems(longitude: float, latitude: float) -> list[str]:
+    """The projected systems that are kept for the land around a place, those of the largest area first: a country's grid before
+    that of a railway."""
+    here = AreaOfInterest(longitude, latitude, longitude, latitude)
+    known = query_crs_info("EPSG", PJType.PROJECTED_CRS, area_of_interest=here, contains=True)
+    wide = {info.code: info.area_of_use for info in known if info.area_of_use}
+    size = {code: (area.east - area.west) * (area.north - area.south) for code, area in wide.items()}
+    return [f"EPSG:{code}" for code in sorted(size, key=lambda code: (-size[code], int(code))) if size[code] < _REGION]
 
 
 def _median_distance(xy: np.ndarray, name: str, target: str, site: np.ndarray) -> float:

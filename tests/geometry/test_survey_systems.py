@@ -122,6 +122,18 @@ def test_the_usual_mistakes_are_recognised(points, fits):
     assert fitting_system(points, GREECE, GREECE, SITE[0, :2]) == fits
 
 
+@pytest.mark.parametrize(
+    ("place", "grid"),
+    [((-2.752, 54.512), "EPSG:27700"), ((21.0, 52.2), "EPSG:2180"), ((2.35, 48.85), "EPSG:2154"), ((7.45, 46.95), "EPSG:2056")],
+)
+def test_the_grid_of_the_country_is_found(place, grid):
+    """Points from a national grid, read in the UTM zone that was proposed for the flight."""
+    utm = f"EPSG:{32601 + int((place[0] + 180) // 6)}"
+    points = np.array([[*Transformer.from_crs("EPSG:4326", grid, always_xy=True).transform(*place), 264.0]])
+    site = np.array(Transformer.from_crs("EPSG:4326", utm, always_xy=True).transform(*place))
+    assert fitting_system(points, utm, utm, site) == (grid, False)
+
+
 def test_the_site_and_not_the_numbers_decides():
     """The same points are on another site when the photographs were taken 60 km away."""
     assert fitting_system(SITE, GREECE, GREECE, SITE[0, :2] + [0, 60_000.0]) is None

@@ -135,8 +135,11 @@ ELSEWHERE = ControlElsewhere(points=4, crs="EPSG:2100", distance_m=61_400.0)
     [
         ({}, "check whether the list is of this site, and the reference system, the order of the axes and the zone."),
         ({"fits": "EPSG:2100", "exchanged": True}, "they would be there with X and Y exchanged."),
-        ({"fits": "EPSG:32635"}, "they would be there in EPSG:32635."),
-        ({"fits": "EPSG:4326", "exchanged": True}, "they would be there in EPSG:4326 with latitude before longitude."),
+        ({"fits": "EPSG:32635"}, "they would be there in EPSG:32635: state it (control > crs)."),
+        (
+            {"fits": "EPSG:4326", "exchanged": True},
+            "they would be there in EPSG:4326 with latitude before longitude: state it (control > crs).",
+        ),
     ],
 )
 def test_the_sentence_names_distance_and_remedy(change, words):
