@@ -126,7 +126,7 @@ def test_control_in_the_projects_system_that_is_said_to_be_in_another_is_told():
     measured = "".join(f"P{i},{name},10,20,0.5\n" for i in range(2) for name in "ab")
     header = "name,role,x,y,z,sigma_x,sigma_y,sigma_z\n", "name,photo,col,row,sigma\n"
     control = control_from_files(photos(), header[0] + rows, header[1] + measured, "EPSG:32634", CRS)
-    assert "would be there in EPSG:2100." in control.findings[0].sentence
+    assert "would be there in EPSG:2100: state it (control > crs)." in control.findings[0].sentence
 
 
 def as_system(xyz, name):
