@@ -123,7 +123,8 @@ def test_a_run_that_ends_before_its_products_says_that_it_was_not_judged(world, 
     before = page.read_bytes() if page.exists() else None
     said = command("run", PROJECT, "--until", "orientation")
     assert "Acceptance by asprs_2023 was not judged: the run ended with orientation" in said and "texture, " in said
-    event = json.loads(command("run", PROJECT, "--until", "orientation", "--json").splitlines()[-1])
+    told = command("run", PROJECT, "--until", "orientation", "--json")
+    event = json.loads(told[told.index('{"event": "acceptance"') :])
     assert (event["event"], event["complete"]) == ("acceptance", None) and event["text"] in said
     assert (page.read_bytes() if page.exists() else None) == before
 
