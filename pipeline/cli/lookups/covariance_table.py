@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import StoreError, WorkflowError
 from orthomill.schemas.orientation import BLOCK, Block
+from orthomill.schemas.survey_files.photograph_names import PhotographNames
 
 
 class CovarianceMethod(Protocol):
@@ -74,17 +75,10 @@ def _row(first: str, second: str, covariance: np.ndarray | None, unit: str) -> d
 
 
 def _photo(word: str, block: Block) -> str:
-    """The name in the block of a photograph that is called by its name or its file, in any case. Raises StoreError."""
-    if word in block.names:
-        return word
-    called = {_plain(name): name for name in block.names}
-    name = called.get(_plain(word), word)
+    """The name in the block of a photograph that is called by its name or its file, in any case. Raises PhotoError."""
+    name = PhotographNames(block.names).find(word) or word
     block.check_holds(name)
     return name
-
-
-def _plain(word: str) -> str:
-    return PurePosixPath(word.replace("\\", "/")).stem.casefold()
 
 
 def _is_number(word: str) -> bool:
