@@ -66,7 +66,7 @@ class Provenance(IntEnum):
 MEASURED = (Provenance.ONE_PAIR, Provenance.AGREED, Provenance.DISPUTED, Provenance.VOLUME)
 """codes of heights that photographs measured"""
 GUESSED = (Provenance.INTERPOLATED, Provenance.INCOHERENT)
-"""codes of heights without evidence of their own, with a standard error of metres"""
+"""codes of heights without evidence of their own, as uncertain as they differ from what was measured around"""
 ESTIMATED = (*GUESSED, Provenance.COARSE, Provenance.WATER)
 """codes of heights that no photographs measured in their own cell: a guess, or the height of what is around; never shown or counted
 as measured"""

@@ -12,9 +12,7 @@ from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.surface import ESTIMATED, Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.settings.surface_settings import EstimateGaps, MeasuredOnly
-
-_DIRECTIONS = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
-"""(row, col) steps around a cell; those four places apart are opposite"""
+from orthomill.tasks.densification.surroundings import look_around
 
 
 @njit(inline="always")
@@ -28,35 +26,24 @@ def _enclosed(found):
 def _fill(height, precision, wrong, reach, out_height, out_precision):
     """Fills NaN cells of height (rows, cols) m into `out_height` and `out_precision`, the `wrong` ones from one side too; reach in
     cells."""
-    values, weights, found = np.zeros(8), np.zeros(8), np.zeros(8, np.bool_)
+    values, errors, lengths, found = np.zeros(8), np.zeros(8), np.zeros(8), np.zeros(8, np.bool_)
     for r in range(height.shape[0]):
         for c in range(height.shape[1]):
             if height[r, c] == height[r, c]:
                 continue
-            error = 0.0
-            for k in range(8):
-                down, right = _DIRECTIONS[k]
-                length = np.sqrt(down * down + right * right)
-                found[k] = False
-                for i in range(1, int(reach / length) + 1):
-                    y, x = r + i * down, c + i * right
-                    if not (0 <= y < height.shape[0] and 0 <= x < height.shape[1]):
-                        break
-                    if height[y, x] == height[y, x]:
-                        found[k], values[k], weights[k] = True, height[y, x], 1.0 / (i * length) ** 2
-                        error = max(error, np.float64(precision[y, x]))
-                        break
+            look_around(height, precision, r, c, reach, values, errors, lengths, found)
             if not (_enclosed(found) or (wrong[r, c] and found.any())):
                 continue
-            total, mean, spread = 0.0, 0.0, 0.0
+            error, total, mean, spread = 0.0, 0.0, 0.0, 0.0
             for k in range(8):
                 if found[k]:
-                    total += weights[k]
-                    mean += weights[k] * values[k]
+                    error = max(error, errors[k])
+                    total += 1.0 / lengths[k] ** 2
+                    mean += values[k] / lengths[k] ** 2
             mean /= total
             for k in range(8):
                 if found[k]:
-                    spread += weights[k] * (values[k] - mean) ** 2
+                    spread += (values[k] - mean) ** 2 / lengths[k] ** 2
             # The greatest error of the neighbours, not the error of their mean: their errors are correlated, and what lies in
             # the gap was never measured.
             out_height[r, c], out_precision[r, c] = mean, np.sqrt(error * error + spread / total)

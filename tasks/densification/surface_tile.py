@@ -22,7 +22,7 @@ from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
 from orthomill.tasks.densification.height_stack import SLOTS, HeightStack
 from orthomill.tasks.densification.points import PointCollector
 from orthomill.tasks.densification.precision.datum_precision import datum_precision
-from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH, groundless, with_distance, with_shown
+from orthomill.tasks.densification.precision.estimate_errors import GUESS_REACH, groundless, with_shown, with_surroundings
 from orthomill.tasks.densification.precision.matched_ground import matched_ground
 from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, MatchingDifferences
 from orthomill.tasks.densification.precision.standard_errors import REACH, relative_precision
@@ -59,7 +59,7 @@ class SurfaceRules:
     def halo(self) -> int:
         """Cells around a tile that influence it."""
         # One cell more than filters, surroundings and filling look at: gridding takes cell centres on the edge of a triangle.
-        return STACK_REACH + self.spikes.halo + EVEN_REACH + max(REACH + self.fill.reach, CODE_REACH) + 1
+        return STACK_REACH + self.spikes.halo + EVEN_REACH + max(REACH + self.fill.reach, GUESS_REACH) + 1
 
 
 class SurfaceStatistics(BaseModel):
@@ -193,7 +193,7 @@ def finished_cells(
     rated = _rated(measured, volume, tile, differences)
     incoherent = rated.provenance == Provenance.INCOHERENT
     whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
-    cells = _cropped(with_distance(whole, grid.cell, volume.alone), tile)
+    cells = _cropped(with_surroundings(whole, volume.alone), tile)
     cells = levelled(cells, water, grid, tile.window)
     # Last of all: what lies outside is neighbourhood of what lies inside.
     cells = without(cells, ~tile.surface.wanted.cells(grid, tile.window))

@@ -1,4 +1,4 @@
-"""Standard errors of estimates: their distance to what was measured, and what knows nothing."""
+"""Standard errors of estimates: what was measured around them, and what knows nothing."""
 
 import numpy as np
 import pytest
@@ -6,56 +6,87 @@ import pytest
 from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
-from orthomill.tasks.densification.precision.estimate_errors import groundless, with_distance, with_shown
+from orthomill.tasks.densification.precision.estimate_errors import groundless, with_shown, with_surroundings
 from orthomill.tasks.densification.precision.matched_ground import matched_ground
 from orthomill.tasks.densification.precision.standard_errors import REACH
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import Judgement
 
 
-def coded(provenance: np.ndarray) -> FusedCells:
-    shape = provenance.shape
-    return FusedCells(np.zeros(shape, np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), provenance)
+def guessed(height: np.ndarray, code: np.ndarray, alone: bool = False) -> np.ndarray:
+    """Standard errors of heights (rows, cols) m with codes of Provenance, of which what was measured is good to 0.1 m."""
+    shape = height.shape
+    cells = FusedCells(height.astype(np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), code)
+    return with_surroundings(cells, np.full(shape, alone)).precision
 
 
-def widened(codes: np.ndarray, cell: float, known: bool = False) -> FusedCells:
-    return with_distance(coded(codes), cell, np.full(codes.shape, known))
+def gap(rows: slice, cols: slice, guess: Provenance = Provenance.INCOHERENT) -> np.ndarray:
+    """Codes of measured cells with guesses among them."""
+    codes = np.full((41, 61), Provenance.AGREED, np.uint8)
+    codes[rows, cols] = guess
+    return codes
 
 
-def test_an_estimate_is_the_worse_the_farther_it_is_from_measured_ground():
-    codes = np.full((21, 260), Provenance.AGREED, np.uint8)
-    codes[:, 10:250] = Provenance.INCOHERENT
-    found = widened(codes, 0.05).precision[10]
-    assert (found[:10] == np.float32(0.1)).all() and found[10] > 0.1
-    assert (np.diff(found[10:70]) > 0).all() and found[75:180] == pytest.approx(found[80]) and 6 < found[80] < 8
+GAP = slice(15, 26), slice(20, 41)
 
 
-def test_no_estimate_is_worse_than_things_are_high():
-    codes = np.full((21, 260), Provenance.AGREED, np.uint8)
-    codes[:, 10:250] = Provenance.INTERPOLATED
-    assert widened(codes, 5.0).precision.max() == pytest.approx(10.0, rel=1e-3)
+@pytest.mark.parametrize("guess", [Provenance.INCOHERENT, Provenance.INTERPOLATED])
+def test_a_guess_amid_smooth_ground_is_as_good_as_the_ground_is(guess):
+    codes = gap(*GAP, guess)
+    assert guessed(np.full(codes.shape, 7.0), codes) == pytest.approx(0.1)
 
 
-def test_single_measured_cells_in_a_crown_make_no_ground():
-    codes = np.full((31, 31), Provenance.AGREED, np.uint8)
-    codes[8:23, 8:23] = Provenance.INCOHERENT
-    around = widened(codes, 1.0).precision[15, 14]
-    codes[15, 15] = Provenance.AGREED
-    assert widened(codes, 1.0).precision[15, 14] == around
-    assert widened(codes, 1.0).precision[15, 15] == np.float32(0.1)
+def test_a_guess_is_compared_with_the_nearest_heights_in_eight_directions():
+    codes, height = gap(*GAP), np.zeros((41, 61))
+    height[:, 41:] = 8.0
+    found = guessed(height, codes)
+    # Of the middle of the gap only the east is behind its end: diagonals meet heights above and below it.
+    assert found[20, 30] == pytest.approx(np.hypot(8.0 / np.sqrt(8), 0.1))
+    height[:, 42:] = -50.0
+    assert guessed(height, codes)[20, 30] == found[20, 30]
 
 
-def test_what_a_cell_knows_itself_no_distance_overrides():
+def test_a_guess_is_as_wrong_as_it_may_stand_off_what_was_measured_around():
+    codes, height = gap(*GAP), np.zeros((41, 61))
+    height[20, 30] = 8.0
+    found = guessed(height, codes)
+    assert found[20, 30] == pytest.approx(np.hypot(8.0, 0.1)) and found[20, 31] == pytest.approx(0.1)
+
+
+def test_a_guess_between_a_roof_and_a_street_may_be_either():
+    codes, height = gap(slice(None), slice(20, 41)), np.zeros((41, 61))
+    height[:, 30:] = 6.0
+    found = guessed(height, codes)[20]
+    # Above and below there are guesses alone: left is the street, right is the roof.
+    assert found[21:40] == pytest.approx(np.hypot(6.0 / np.sqrt(2), 0.1), rel=0.3) and (found[20:41] > 2.9).all()
+
+
+def test_what_the_best_around_is_worth_bounds_a_guess():
+    codes, precision = gap(*GAP), np.full((41, 61), 0.5, np.float32)
+    precision[:, :20] = 0.02
+    cells = FusedCells(np.zeros(codes.shape, np.float32), precision, np.zeros(codes.shape, np.uint8), codes)
+    found = with_surroundings(cells, np.zeros(codes.shape, bool)).precision
+    assert found[20, 30] == pytest.approx(0.02) and found[5, 30] == np.float32(0.5)
+
+
+def test_what_photographs_show_on_a_coarser_scale_is_no_guess():
     codes = np.full((5, 60), Provenance.COARSE, np.uint8)
-    codes[:, 20:40], codes[:, 40:] = Provenance.INCOHERENT, Provenance.INTERPOLATED
-    knowing, guessing = (widened(codes, 1.0, known).precision[2] for known in (True, False))
-    assert (knowing[:40] == np.float32(0.1)).all() and (guessing[:20] == np.float32(0.1)).all()
-    assert (guessing[20:] > 1).all() and (knowing[40:] > 1).all()
+    codes[:, 20:40], codes[:, 40:] = Provenance.INCOHERENT, Provenance.AGREED
+    height = np.zeros(codes.shape)
+    height[:, 40:] = 3.0
+    found = guessed(height, codes)[2]
+    assert (found[:20] == np.float32(0.1)).all() and (found[20:40] > 1).all() and (found[40:] == np.float32(0.1)).all()
 
 
-def test_without_any_measured_cell_every_estimate_is_a_far_one():
-    codes = np.full((5, 5), Provenance.INTERPOLATED, np.uint8)
-    assert (widened(codes, 1.0).precision >= 10).all()
+def test_a_guess_that_nothing_measured_is_near_is_as_uncertain_as_things_are_high():
+    codes = np.full((5, 200), Provenance.INTERPOLATED, np.uint8)
+    assert guessed(np.zeros(codes.shape), codes) == pytest.approx(10.0, rel=1e-3)
+    # What was made of coarser levels knows itself how uncertain it is; what was interpolated among such heights does not.
+    assert guessed(np.zeros(codes.shape), codes, True) == pytest.approx(10.0, rel=1e-3)
+    assert guessed(np.zeros(codes.shape), np.full_like(codes, Provenance.INCOHERENT), True) == pytest.approx(0.1)
+    codes[:, 0] = Provenance.AGREED
+    found = guessed(np.zeros(codes.shape), codes)[2]
+    assert found[1:65] == pytest.approx(0.1) and found[65:] == pytest.approx(10.0, rel=1e-3)
 
 
 def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are_groundless():

@@ -9,7 +9,7 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.height_differences import EVEN_REACH
 from orthomill.tasks.densification.height_stack import REACH as STACK_REACH
-from orthomill.tasks.densification.precision.estimate_errors import CODE_REACH
+from orthomill.tasks.densification.precision.estimate_errors import GUESS_REACH
 from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, factors
 from orthomill.tasks.densification.precision.standard_errors import REACH
 from orthomill.tasks.densification.settings.surface_settings import (
@@ -170,9 +170,9 @@ def test_statistics_of_tiles_add_up():
 
 def test_the_halo_covers_every_filter():
     rules = rules_of(SpikeFilter(radius=3.0, rounds=2, far_radius=5.0))
-    assert rules.halo == STACK_REACH + 3 * 2 + 5 + EVEN_REACH + CODE_REACH + 1
-    wide = rules_of(fill=EstimateGaps(max_gap=2 * CODE_REACH))
-    assert wide.halo - RULES.halo == REACH + CODE_REACH
+    assert rules.halo == STACK_REACH + 3 * 2 + 5 + EVEN_REACH + GUESS_REACH + 1
+    wide = rules_of(fill=EstimateGaps(max_gap=2 * GUESS_REACH))
+    assert wide.halo - RULES.halo == REACH + GUESS_REACH
 
 
 def test_memory_does_not_grow_with_the_pairs():

@@ -1,14 +1,17 @@
-"""Standard errors of guesses: the farther from what was measured, the worse; and those that know nothing at all.
+"""Standard errors of guesses: how far they lie from what was measured around them; and those that know nothing at all.
 
-Strategy. Where photographs disagree something stands or moves, about as high as it is wide: what lies a distance away from measured
-ground may be that much higher, until it is as uncertain as trees and houses are high. A height of which photographs say something
-themselves keeps what they say: that of a coarser level; one that a pair matched where neighbours go along with it or no wall is
-near; and one with which its neighbours go along where nothing around is as high as a house, good to what grass and leaves are deep:
-the deeper, the fewer of them do.
+Strategy. A guess is a height that nothing confirms; what was measured around may go on in its place. So it is as uncertain as it
+differs from the nearest measured heights in eight directions (root mean square), and no better than the best of these. All of it is
+the block's own: a guess on a lawn is good to decimetres, one beside a wall to a good half of the wall, and one in a crown to what
+the crown rises above the ground. Where nothing around was measured, it is as uncertain as trees and houses are high, or as coarser
+levels say.
+
+A height of which photographs say something themselves is no guess and keeps what they say: that of a coarser level; one that a pair
+matched where neighbours go along with it or no wall is near; and one with which its neighbours go along where nothing around is as
+high as a house, good to what grass and leaves are deep: the deeper, the fewer of them do.
 """
 
 import numpy as np
-from scipy import ndimage
 
 from orthomill.schemas.surface import GUESSED, MEASURED, Provenance
 from orthomill.tasks.densification.completion import VolumeWindow
@@ -16,21 +19,18 @@ from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import extremes
 from orthomill.tasks.densification.precision.matched_ground import MatchedGround
 from orthomill.tasks.densification.precision.standard_errors import REACH
-from orthomill.tasks.densification.volume.quality import Judgement, box_sums
+from orthomill.tasks.densification.surroundings import differences_from
+from orthomill.tasks.densification.volume.quality import Judgement
 
-_RISE = 2.2
-"""m per m of distance that what was not measured may rise"""
 _FARTHEST, _TALLEST = 64, 10.0
-"""cells and m; farther away, or once as uncertain as trees and houses are high, an estimate gets no worse"""
-_CORE, _MOSTLY = 2, 0.75
-"""a cell counts as measured ground if most of the cells up to two away are measured: single ones in a crown are no ground"""
+"""cells up to which what was measured tells of a guess, and m: as high as trees and houses are, if nothing is as near"""
 _HOUSE, _GRASS = 2.5, 0.4
 """m that the surface rises and falls beside what may be a house, and that what no pair matched is deep"""
 _AGREEING, _THIN = 60, 40
 """% of the cells around that go along with a height, from which on it is more than a guess; and how many fewer of them make it deep
 twice"""
-CODE_REACH = _FARTHEST + _CORE
-"""cells around an estimate whose codes enter its standard error"""
+GUESS_REACH = REACH + _FARTHEST
+"""cells around a guess that enter its standard error"""
 
 
 def with_shown(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround) -> FusedCells:
@@ -45,18 +45,18 @@ def with_shown(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround) -
     return FusedCells(cells.height, deep, cells.count, np.where(shown, np.uint8(Provenance.COARSE), cells.provenance))
 
 
-def with_distance(cells: FusedCells, cell: float, known: np.ndarray) -> FusedCells:
-    """The cells with the standard errors of guesses widened by their distance to measured ones; cell: its side, m; known
-    (rows, cols) bool: heights that are no mere guess."""
-    guessed = np.isin(cells.provenance, GUESSED) & ~(known & (cells.provenance == Provenance.INCOHERENT))
+def with_surroundings(cells: FusedCells, alone: np.ndarray) -> FusedCells:
+    """The cells with the standard errors of guesses; alone (rows, cols) bool: heights that were made from coarser levels, whose own
+    standard errors stand where nothing measured is near."""
+    guessed = np.isin(cells.provenance, GUESSED)
     if not guessed.any():
         return cells
-    measured = box_sums(np.isin(cells.provenance, MEASURED), _CORE)
-    ground = measured > _MOSTLY * box_sums(np.ones(measured.shape, bool), _CORE)
-    # Without any measured cell the distance would be that to the edge of the array.
-    distance = ndimage.distance_transform_edt(~ground) if ground.any() else np.full(ground.shape, _FARTHEST)
-    widened = np.hypot(cells.precision, np.minimum(_RISE * cell * np.minimum(distance, _FARTHEST), _TALLEST))
-    return FusedCells(cells.height, np.where(guessed, widened, cells.precision).astype(np.float32), cells.count, cells.provenance)
+    measured = np.where(np.isin(cells.provenance, MEASURED), cells.height, np.float32(np.nan))
+    differing, best = differences_from(cells.height, measured, cells.precision, guessed, _FARTHEST)
+    own = alone & (cells.provenance == Provenance.INCOHERENT)
+    lonely = np.where(own, cells.precision, np.hypot(cells.precision, _TALLEST))
+    sigma = np.where(np.isfinite(differing), np.hypot(differing, best), lonely)
+    return FusedCells(cells.height, np.where(guessed, sigma, cells.precision).astype(np.float32), cells.count, cells.provenance)
 
 
 def groundless(cells: FusedCells) -> np.ndarray:

@@ -15,8 +15,8 @@ heights; and doubt: where rivals fit almost as well (low distinctiveness), the h
 Of both:
 - strangeness: around a place that could not be measured windows show two surfaces in part, and so do the wider squares of the
   volume, each to another extent: how far the two differ, the more the larger the share of the cells around that nothing measured.
-Heights that stand alone are rated by the level that shows them (coherent_levels.py) and by the depth of leaves, guesses are worse
-by their distance to what was measured (estimate_errors.py); windows that know no walls are rated otherwise (wall_blind_errors.py).
+Heights that stand alone are rated by the level that shows them (coherent_levels.py) and by the depth of leaves, guesses by what was
+measured around them (estimate_errors.py); windows that know no walls are rated otherwise (wall_blind_errors.py).
 
 What all pairs of a block have in common no difference of theirs shows. Those numbers were fitted to a simulated town, so that the
 shares within one and two are alike in all its classes of ground and for one pair and several, and tested on another town, on a
