@@ -39,7 +39,8 @@ def started_client(cluster: StartedCluster, port: int) -> Iterator[Client]:
                 yield client
         finally:
             with suppress(*LOST):
-                running.close(timeout=CLOSING)
+                # A gateway takes the time that it takes.
+                running.close(**({} if cluster.kind == "gateway" else {"timeout": CLOSING}))
 
 
 def _is_here(cluster: StartedCluster) -> bool:
@@ -147,8 +148,11 @@ def reach_results(pod: dict[str, Any], asked: KubernetesCluster) -> None:
 
 
 def _gateway(asked: GatewayCluster) -> Any:
-    from dask_gateway import Gateway
+    from dask_gateway import Gateway, GatewayClusterError, GatewayServerError
 
-    cluster = Gateway(asked.address).new_cluster()
+    try:
+        cluster = Gateway(asked.address).new_cluster()
+    except (GatewayClusterError, GatewayServerError) as error:
+        raise ResourceError(f"The gateway does not start a cluster ({error}); look at its log.") from error
     cluster.adapt(minimum=asked.least, maximum=asked.workers)
     return cluster
