@@ -225,6 +225,19 @@ class DistanceResidual(BaseModel):
     """m: standard error with which it took part"""
 
 
+class JointTest(BaseModel):
+    """All coordinates of all check points at once against what is predicted for them together: the orientation moves them alike, so
+    that many points of one error are no more than one."""
+
+    model_config = ConfigDict(frozen=True)
+
+    square: float
+    """of the differences, in their joint covariance: expected to be `coordinates`, and distributed as chi-squared"""
+    coordinates: int
+    chance: float
+    """with which a square as large or larger comes about where the predictions hold"""
+
+
 class GroundResiduals(BaseModel):
     """Differences of the block from control points, check points, GNSS positions and measured distances."""
 
@@ -232,6 +245,8 @@ class GroundResiduals(BaseModel):
 
     points: tuple[GroundResidual, ...] = ()
     distances: tuple[DistanceResidual, ...] = ()
+    checked: JointTest | None = None
+    """of the check points; None without any, and of a block that is fixed and states no covariance"""
 
     def of_role(self, role: str) -> tuple[GroundResidual, ...]:
         """The points of one role: control or check."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array, vstack
 
 from orthomill.schemas.errors import GeometryError
 from orthomill.tasks.adjustment.model.datum import add_prior
@@ -24,6 +24,8 @@ from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 # Above this no digit of a float64 solution is left.
 WORST_CONDITION = 1e15
 """Condition of the normal matrix with unit diagonal beyond which the unknowns are not determined."""
+COLUMNS = 60
+"""of a covariance that are made at a time"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +166,22 @@ def distances_elsewhere(linear: Linear, cofactor: Covariance, point: np.ndarray,
         own = towards @ (moved[i][1] + moved[j][1]) @ towards
         variances.append(float(own + pull @ cofactor.times(pull[:, None])[:, 0]))
     return np.array(variances)
+
+
+def joint_elsewhere(linear: Linear, cofactor: Covariance, points: np.ndarray) -> np.ndarray:
+    """Covariance (3k, 3k) m^2 of the points (k,) that took no part, all coordinates of a point in a row: errors of the orientation
+    move them together, their own rays move each by itself."""
+    moved, own = [], []
+    for point in map(int, points):
+        by_unknowns, alone = _movement(linear, point, len(cofactor))
+        moved.append(csr_array(by_unknowns))
+        own.append(alone)
+    movement = vstack(moved, format="csr")
+    # A few columns at a time: all would be as many as unknowns times points.
+    shared = [
+        movement @ cofactor.times(movement[first : first + COLUMNS].toarray().T) for first in range(0, movement.shape[0], COLUMNS)
+    ]
+    return np.hstack(shared) + block_diag(*own)
 
 
 def _movement(linear: Linear, point: int, unknowns: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NO_DISTANCES, Network, Rays, State
 from orthomill.tasks.adjustment.solve.normal_equations import point_corrections
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment
-from orthomill.tasks.adjustment.testing.covariances import distances_elsewhere, points_elsewhere
+from orthomill.tasks.adjustment.testing.covariances import distances_elsewhere, joint_elsewhere, points_elsewhere
 from orthomill.tasks.geometry.intersection import intersect_rays
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.measurements import ideal, with_interior
@@ -107,6 +107,12 @@ def distance_variances_between(result: Adjustment, point: np.ndarray, rays: Rays
     """(d,) m^2 of the distances between intersected points (n, 3) by the numbers of their `ends` (d, 2)."""
     state, network = replace(result.state, point=point), _without_points(result.network, len(point))
     return distances_elsewhere(linearised(network, state, rays), result.cofactor, point, ends)
+
+
+def joint_covariance(result: Adjustment, point: np.ndarray, rays: Rays) -> np.ndarray:
+    """Covariance (3n, 3n) m^2 of intersected points (n, 3), including that of the orientation, which they share."""
+    state, network = replace(result.state, point=point), _without_points(result.network, len(point))
+    return joint_elsewhere(linearised(network, state, rays), result.cofactor, np.arange(len(point)))
 
 
 def _without_points(network: Network, count: int) -> Network:

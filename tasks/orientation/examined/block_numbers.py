@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.camera import INTERIOR, Camera
 from orthomill.schemas.observations import GroundPoints
-from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual
+from orthomill.schemas.orientation import Block, ExteriorOrientation, GroundResidual, JointTest
 from orthomill.tasks.orientation.examined.block_facts import Facts, filled_areas
 
 
@@ -30,6 +30,18 @@ def accuracy(points: tuple[GroundResidual, ...]) -> Accuracy | None:
     # The floor keeps points without redundancy (predicted 0, difference 0) finite.
     ratio = np.sqrt(((difference / np.maximum(predicted, 1e-9)) ** 2).mean())
     return Accuracy(len(points), float(plan), float(height), float(ratio))
+
+
+RARE = 0.001
+"""Chance of differences at check points below which the predicted standard errors do not hold"""
+NOTICEABLE = 1.5
+"""Differences must be this many times what is predicted to matter: with many points chance alone makes no tenth."""
+
+
+def contradicts_precision(found: Accuracy, test: JointTest | None) -> bool:
+    """Whether the differences at the check points are larger than the adjustment predicts by more than chance can make, all of them
+    taken together with the errors that they share, and by so much that it matters."""
+    return test is not None and test.chance < RARE and found.by_predicted > NOTICEABLE
 
 
 def ground_pixel(facts: Facts) -> float | None:

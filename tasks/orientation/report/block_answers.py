@@ -11,7 +11,7 @@ from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.orientation.examined.block_facts import Facts
-from orthomill.tasks.orientation.examined.block_numbers import Accuracy, accuracy, ground_pixel, point_sigmas
+from orthomill.tasks.orientation.examined.block_numbers import Accuracy, accuracy, contradicts_precision, ground_pixel, point_sigmas
 
 CLASSES = ((1.0, "the most accurate mapping (1 pixel)"), (2.0, "standard mapping (2 pixels)"), (3.0, "visualisation (3 pixels)"))
 """Limit in ground pixels, and what differences below it are good enough for."""
@@ -19,7 +19,7 @@ FORMAL = 30
 """check points that a formal statement of accuracy needs (ASPRS, edition 2)"""
 UNCHECKED = "not checked: no check points"
 REALISTIC = 3.0
-"""Differences this many times their predicted standard errors contradict the stated precision."""
+"""Differences this many times their predicted standard errors put the block in doubt, whatever chance says of so few."""
 
 PRODUCTS = (
     Product(path="products/exterior_orientation.csv", purpose="Position and rotation of every photograph, as a table"),
@@ -96,9 +96,10 @@ def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
         return Verdict(level="poor" if doubts else "fair", sentence=words, weighs=True)
     largest = max(found.plan, found.height) / pixel if pixel else float("nan")
     good_for = next((words for limit, words in CLASSES if largest <= limit), None)
-    contradicted = found.by_predicted > REALISTIC
-    level = "poor" if doubts or contradicted or (pixel and good_for is None) else "good" if largest <= CLASSES[1][0] else "fair"
-    return Verdict(level=level, sentence=_accuracy_sentence(found, largest, good_for, contradicted), weighs=True)
+    grave, rare = found.by_predicted > REALISTIC, contradicts_precision(found, facts.ground.checked)
+    good = largest <= CLASSES[1][0] and not rare
+    level = "poor" if doubts or grave or (pixel and good_for is None) else "good" if good else "fair"
+    return Verdict(level=level, sentence=_accuracy_sentence(found, largest, good_for, grave or rare), weighs=True)
 
 
 def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, contradicted: bool) -> str:

@@ -12,7 +12,7 @@ from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts, filled_areas, told_findings
-from orthomill.tasks.orientation.examined.block_numbers import framed_control
+from orthomill.tasks.orientation.examined.block_numbers import accuracy, contradicts_precision, framed_control
 from orthomill.tasks.orientation.examined.photographed_surface import coverage
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.report.camera_warnings import camera_warnings
@@ -95,6 +95,18 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
     marked = [point for point in surveyed if point.measurements or point.role != "check"]
     yield from (_unused(point) for point in marked if not _took_part(compared.get(point.name)))
     yield from _doubtful_points(facts, surveyed, compared)
+    yield from _contradicting_checks(facts)
+
+
+def _contradicting_checks(facts: Facts) -> Iterator[str]:
+    """Check points that are, all together, farther from the block than it predicts, although none stands out."""
+    found = accuracy(facts.ground.of_role("check"))
+    if found and contradicts_precision(found, facts.ground.checked):
+        yield (
+            f"The check points differ from the block by {found.by_predicted:.1f} times what the adjustment predicts for them, all "
+            "taken together, and chance does not make that: their survey, that of the control, the marks or the model of the "
+            f"camera is worse than stated. Take the stated standard errors of the block {found.by_predicted:.1f} times as large."
+        )
 
 
 def _took_part(row: GroundResidual | None) -> bool:

@@ -1,15 +1,24 @@
 """Control, check points, positions and distances against the adjusted block, each with the standard error that is predicted for
 its difference."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.special import chdtrc
 
 from orthomill.schemas.observations import Control
-from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals
+from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals, JointTest
 from orthomill.tasks.adjustment.model.datum import antennas, distance_residuals, position_residuals
+from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.testing.surveyed_blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
-from orthomill.tasks.orientation.control.ground_points import approximate_points, distance_variances_between, intersect_ground
+from orthomill.tasks.orientation.control.ground_points import (
+    approximate_points,
+    distance_variances_between,
+    intersect_ground,
+    joint_covariance,
+)
 from orthomill.tasks.orientation.measurements import ground_rays
 
 _NO_WEIGHT = 1e-12
@@ -22,8 +31,8 @@ def ground_residuals(results: BlockResults, control: Control) -> GroundResiduals
     # Coordinates of a free network are those of no ground point.
     if results.datum.free:
         return GroundResiduals(distances=distances)
-    rows = (*control_rows(results), *position_rows(results), *_check_rows(results, control))
-    return GroundResiduals(points=rows, distances=distances)
+    checks, checked = _checks(results, control)
+    return GroundResiduals(points=(*control_rows(results), *position_rows(results), *checks), distances=distances, checked=checked)
 
 
 def control_rows(results: BlockResults) -> list[GroundResidual]:
@@ -62,21 +71,35 @@ def position_rows(results: BlockResults) -> list[GroundResidual]:
     return rows
 
 
-def _check_rows(results: BlockResults, control: Control) -> list[GroundResidual]:
+def _checks(results: BlockResults, control: Control) -> tuple[list[GroundResidual], JointTest | None]:
+    """The check points one by one, and all of them together."""
     problem, result = results.problem, results.result
     points = [point for point in control.points if point.role == "check" and point.measurements]
     rays = ground_rays(points, {name: i for i, name in enumerate(problem.names)}, results.cameras)
     start = approximate_points(result.state, problem.cameras, problem.camera_of, rays, len(points)).point
     # Intersected with the final orientation: a check point must not influence what it checks.
     found, rows = intersect_ground(result, start, rays), []
-    for i, point in enumerate(points):
-        if np.isfinite(found.point[i]).all():
-            difference = found.point[i] + results.datum.origin - point.xyz
-            # A check point is independent of the block: the variances add.
-            variance = np.diag(found.covariance[i]) + np.square(point.sigma)
-            own = rays.point == i
-            rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
-    return rows
+    placed = np.flatnonzero(np.isfinite(found.point).all(axis=1))
+    for i in placed:
+        point, own = points[i], rays.point == i
+        # A check point is independent of the block: the variances add.
+        variance = np.diag(found.covariance[i]) + np.square(point.sigma)
+        difference = found.point[i] + results.datum.origin - point.xyz
+        rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
+    return rows, _joint_test(results, rows, found.point, rays, [points[i].sigma for i in placed]) if rows else None
+
+
+def _joint_test(
+    results: BlockResults, rows: list[GroundResidual], found: np.ndarray, rays: Rays, sigma: list[tuple[float, float, float]]
+) -> JointTest:
+    """Of the check points `rows`, which are the placed ones of `found` (n, 3; NaN: not placed)."""
+    placed = np.isfinite(found).all(axis=1)
+    own = rays.take(placed[rays.point])
+    own = replace(own, point=(np.cumsum(placed) - 1)[own.point])
+    predicted = joint_covariance(results.result, found[placed], own) + np.diag(np.square(sigma).ravel())
+    difference = np.array([row.difference for row in rows]).ravel()
+    square = float(difference @ np.linalg.solve(predicted, difference))
+    return JointTest(square=square, coordinates=len(difference), chance=float(chdtrc(len(difference), square)))
 
 
 def distance_rows(results: BlockResults, control: Control) -> list[DistanceResidual]:

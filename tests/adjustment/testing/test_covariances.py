@@ -13,6 +13,7 @@ from orthomill.tasks.adjustment.solve.normal_equations import point_corrections,
 from orthomill.tasks.adjustment.testing.covariances import (
     covariance_of,
     distances_elsewhere,
+    joint_elsewhere,
     points_and_rays,
     points_elsewhere,
     with_considered,
@@ -75,6 +76,21 @@ def test_distances_know_that_errors_of_the_orientation_move_neighbours_alike(cha
         apart = moved[j] - moved[i]
         expected = apart @ whole @ apart.T + alone[i] + alone[j]
         assert variance == pytest.approx(towards @ expected @ towards, rel=1e-8)
+
+
+def test_points_together_have_their_own_covariances_and_those_of_their_differences(chain):
+    """More columns than are made at a time."""
+    network, state, _, linear, cofactor = chain
+    unknown = np.flatnonzero(~network.point_weight.any(axis=1))[:25]
+    joint = joint_elsewhere(linear, cofactor, unknown).reshape(len(unknown), 3, len(unknown), 3)
+    own = points_elsewhere(linear, cofactor)[unknown]
+    assert np.allclose(np.einsum("ijik->ijk", joint), own, rtol=1e-8, atol=1e-12 * np.abs(own).max())
+    ends = np.array([[0, 1], [3, 24]])
+    for (i, j), variance in zip(ends, distances_elsewhere(linear, cofactor, state.point, unknown[ends]), strict=True):
+        towards = state.point[unknown[j]] - state.point[unknown[i]]
+        towards /= np.linalg.norm(towards)
+        apart = joint[i, :, i] + joint[j, :, j] - joint[i, :, j] - joint[j, :, i]
+        assert variance == pytest.approx(towards @ apart @ towards, rel=1e-8)
 
 
 def test_a_point_of_distant_photographs_is_less_certain_than_rays_alone_say(chain):

@@ -251,12 +251,13 @@ def test_the_report_agrees_with_the_block(volos_like):
 
 @pytest.mark.slow
 def test_standard_errors_are_honest_over_twelve_seeds():
-    orientation, checks, interior = [], [], []
+    orientation, checks, interior, joint = [], [], [], []
     for seed in range(12):
         block = two_strips(100 + seed, tracks=500)
         out = orient(block)
         orientation.append(standardised_orientation(block, out["block"]))
         checks += [np.array(p.difference) / p.predicted for p in out["ground_residuals"].of_role("check")]
+        joint.append(out["ground_residuals"].checked)
         camera = out["block"].cameras["cam"]
         sigma = np.sqrt(np.diag(np.array(camera.covariance)))
         interior.append((camera.c - block.views[0].camera.c) / sigma[0])
@@ -264,3 +265,6 @@ def test_standard_errors_are_honest_over_twelve_seeds():
     assert np.abs(np.sqrt((np.array(orientation) ** 2).mean(axis=(0, 1))) - 1).max() < 0.25
     assert abs(np.sqrt((np.array(checks) ** 2).mean()) - 1) < 0.15
     assert np.abs(interior).max() < 3.5
+    # Together in their joint covariance: the mean of chi-squared is its degrees of freedom, here with 12 times as many.
+    degrees, square = sum(test.coordinates for test in joint), sum(test.square for test in joint)
+    assert abs(square - degrees) < 3.5 * np.sqrt(2 * degrees) and min(test.chance for test in joint) > 0.001

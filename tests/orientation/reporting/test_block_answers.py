@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
-from orthomill.schemas.orientation import GroundResidual
+from orthomill.schemas.orientation import GroundResidual, JointTest
 from orthomill.tasks.orientation.examined.block_numbers import accuracy
 from orthomill.tasks.orientation.report.block_answers import block_lengths, block_verdict, length
+from orthomill.tasks.orientation.report.block_warnings import block_warnings
 
 
 def residual(difference, predicted=(0.1, 0.1, 0.1)):
@@ -58,3 +59,16 @@ def test_without_a_ground_pixel_no_class_of_nan_pixels_is_told(facts, monkeypatc
     ground = facts.ground.model_copy(update={"points": (residual((0.3, 0.4, 0.1)), residual((0.0, 0.0, -0.1)))})
     sentence = block_verdict(replace(facts, ground=ground), ()).sentence
     assert sentence.startswith("The block at 2 check points") and "nan" not in sentence and "class" not in sentence
+
+
+@pytest.mark.parametrize(("chance", "times", "contradicted"), [(1e-6, 1.9, True), (0.02, 1.9, False), (1e-6, 1.2, False)])
+def test_check_points_that_chance_does_not_explain_are_told_and_make_no_good_block(facts, monkeypatch, chance, times, contradicted):
+    """Below three times what is predicted it is chance that decides: of few points, or of many that share one error."""
+    monkeypatch.setattr("orthomill.tasks.orientation.report.block_answers.ground_pixel", lambda facts: 1.0)
+    points = (residual((0.1 * times,) * 3), residual((-0.1 * times,) * 3))
+    checked = JointTest(square=30.0, coordinates=6, chance=chance)
+    told = replace(facts, ground=facts.ground.model_copy(update={"points": points, "checked": checked}))
+    verdict, warnings = block_verdict(told, ()), " ".join(block_warnings(told))
+    assert (f"{times:.1f} times what the adjustment predicts" in verdict.sentence) == contradicted
+    assert ("chance does not make that" in warnings) == contradicted
+    assert verdict.level == ("fair" if contradicted else "good")

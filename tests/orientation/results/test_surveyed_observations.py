@@ -355,3 +355,12 @@ def test_control_with_x_and_y_exchanged_turns_no_block_upside_down():
     out = orient(with_control(block, lambda i, p: p.model_copy(update={"xyz": (p.xyz[1], p.xyz[0], p.xyz[2])})), interior=FIXED)
     assert any("Exchange X and Y in the file" in text for text in sentences(out["precision"]))
     assert out["block"].datum.startswith("Free network") and len(out["block"].photos) == 6
+
+
+def test_all_control_half_a_metre_off_is_a_contradiction_of_the_check_points():
+    block = two_strips(15)
+    checks = [p for p in block.control.points if p.role == "check"]
+    good = orient(block)["ground_residuals"].checked
+    assert good.coordinates == 3 * len(checks) and good.chance > 0.001
+    moved = with_control(block, lambda i, p: p.model_copy(update={"xyz": (p.xyz[0] + 0.5, *p.xyz[1:])}))
+    assert orient(moved)["ground_residuals"].checked.chance < 1e-6
