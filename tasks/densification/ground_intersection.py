@@ -17,6 +17,7 @@ import numpy as np
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import Window
+from orthomill.tasks.geometry.epipolar_window import greatest_parallax
 
 EXACT = 1e-9
 """m: an orientation that is given without an error has errors below this"""
@@ -36,7 +37,7 @@ class NodesOnGround:
 
 class _BaseSystem(NamedTuple):
     """Normal case of a pair for the kernel: base m, c, principal column and row of the left image px, orientation part of the
-    parallax error px, rotation (3, 3) world to base system, left centre (3,) m."""
+    parallax error px, rotation (3, 3) world to base system, left centre (3,) m, greatest parallax px."""
 
     base: float
     c: float
@@ -45,6 +46,7 @@ class _BaseSystem(NamedTuple):
     shared_sigma: float
     rotation: np.ndarray
     centre: np.ndarray
+    greatest: float
 
 
 @njit()
@@ -54,8 +56,9 @@ def _intersect(parallax, sigma, first, step, system, xyz, sigma_z):
         v = system.row0 - (first[0] + i) * step
         for j in range(parallax.shape[1]):
             p = np.float64(parallax[i, j])
-            # rays that do not converge in front of the cameras (p <= 0) and nodes without a match (NaN) stay NaN
-            if not p > 0.0:
+            # rays that do not converge in front of the cameras (p <= 0), nodes without a match (NaN) and those nearer than the pair
+            # is searched stay NaN: windows of nodes that are read know nothing nearer
+            if not 0.0 < p <= system.greatest:
                 continue
             u, scale = (first[1] + j) * step - system.col0, system.base / p
             for k in range(3):
@@ -75,7 +78,14 @@ def nodes_on_ground(pair: EpipolarPair, nodes: np.ndarray, window: Window, step:
     xyz, sigma = np.full((3, *shape), np.nan), np.full(shape, np.nan, np.float32)
     rotation, centre = np.array(pair.rotation), np.array(pair.left_centre)
     system = _BaseSystem(
-        base=pair.base, c=pair.c, col0=pair.left_col0, row0=pair.row0, shared_sigma=pair.row_sigma, rotation=rotation, centre=centre
+        base=pair.base,
+        c=pair.c,
+        col0=pair.left_col0,
+        row0=pair.row0,
+        shared_sigma=pair.row_sigma,
+        rotation=rotation,
+        centre=centre,
+        greatest=greatest_parallax(pair),
     )
     # the kernel reads row by row; a view into the interleaved bands would touch memory three times as often
     parallax, matching_sigma = np.ascontiguousarray(nodes[..., 0]), np.ascontiguousarray(nodes[..., 1])

@@ -6,7 +6,7 @@ from orthomill.schemas.observations import ImageResiduals
 from orthomill.schemas.orientation import Area, Block
 from orthomill.schemas.photo import Photos
 from orthomill.tasks.epipolar.pair_choice import PairChoice
-from orthomill.tasks.epipolar.parallax import matched_level, with_measured_rows
+from orthomill.tasks.epipolar.parallax import matched_level, with_measured_ties
 from orthomill.tasks.epipolar.selection import choose_pairs
 
 
@@ -29,7 +29,7 @@ def measured_pairs(
 
     def on(number: int) -> EpipolarPairs:
         pairs = choose_pairs(block, choice, height_margin, height_room, min(number, coarsest), ground)
-        return with_measured_rows(pairs, block, measured, photos.names)
+        return with_measured_ties(pairs, block, measured, photos.names)
 
     if level is not None:
         return on(level)

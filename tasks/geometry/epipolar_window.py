@@ -23,12 +23,36 @@ def left_pixels(pair: EpipolarPair, points: np.ndarray) -> np.ndarray:
     return pixels
 
 
+BEYOND = 1.0
+"""px of parallax beyond the range of a pair that matching may end at"""
+
+
+def greatest_parallax(pair: EpipolarPair) -> float:
+    """px: what nodes of a pair that are nearer to the cameras are not made from."""
+    return pair.parallax_high + BEYOND
+
+
+def _within_range(pair: EpipolarPair, corners: np.ndarray) -> np.ndarray:
+    """The corners (8, 3) of a box with a top that is as low as the parallaxes of the pair allow: of a photograph from low over the
+    ground the greatest heights of the surface may be as near as its lens."""
+    depth = (np.array(pair.left_centre) - corners) @ np.array(pair.rotation)[2]
+    nearest, bottom, top = pair.c * pair.base / greatest_parallax(pair), depth[::2], depth[1::2]
+    low, high = corners[0, 2], corners[1, 2]
+    # Depth is linear in height: over all of the box nothing above the highest of the four places is far enough.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(top >= nearest, 1.0, np.clip((bottom - nearest) / (bottom - top), 0.0, 1.0))
+    lowered = corners.copy()
+    lowered[1::2, 2] = low + (high - low) * share.max()
+    return lowered
+
+
 def node_window(pair: EpipolarPair, step: int, corners: np.ndarray, margin: int = 3) -> Window:
     """The window of the grid of nodes (node (i, j) at left pixel (j step, i step)) that may show the box of `corners` (8, 3).
 
     `margin` nodes are added on each side, and the window is clipped to the grid; it is empty where the left image does not see the
-    box.
+    box. What is nearer than the parallaxes of the pair reach does not count.
     """
+    corners = _within_range(pair, corners)
     # A central projection maps a convex box that lies wholly in front of the camera into the convex hull of its projected corners;
     # with a corner behind the camera this does not hold, and such a box is none of the pair's ground.
     pixels = left_pixels(pair, corners)

@@ -13,7 +13,15 @@ from orthomill.schemas.orientation import JointCovariance
 from orthomill.tasks.densification.surface_grid import pair_bounds
 from orthomill.tasks.epipolar import row_precision
 from orthomill.tasks.epipolar.pair_choice import PairChoice
-from orthomill.tasks.epipolar.parallax import common_measurements, row_residuals, summary, with_measured_rows
+from orthomill.tasks.epipolar.parallax import (
+    NEAREST,
+    common_measurements,
+    kept_ties,
+    row_residuals,
+    summary,
+    tie_places,
+    with_measured_ties,
+)
 from orthomill.tasks.epipolar.report.epipolar_report import report
 from orthomill.tasks.epipolar.row_precision import common_points, row_change, row_sigma, row_sigmas
 from orthomill.tasks.epipolar.selection import Candidate, Places, best_pairs, choose_pairs, why_not
@@ -184,19 +192,31 @@ def test_tie_points_measure_the_rows_of_their_pair(noise, share):
     """Both measurements of a point have the noise; a few wrong points count little."""
     pairs, ties = choose_pairs(block(), PairChoice(), 0.08), tie_points(noise)
     wrong = np.random.default_rng(1).random(len(ties)) < share
-    found = with_measured_rows(pairs, block(), replace(ties, row=ties.row + 30.0 * wrong), photos().names)
+    found = with_measured_ties(pairs, block(), replace(ties, row=ties.row + 30.0 * wrong), photos().names)
     for pair, predicted in zip(found.pairs, pairs.pairs, strict=True):
         assert 0.7 < pair.row_sigma / (np.sqrt(2) * noise) < 2.2
         assert pair == predicted.model_copy(update={"row_sigma": pair.row_sigma})
 
 
+def test_a_pair_is_searched_to_twice_the_parallax_of_its_nearest_tie_point():
+    """Of a photograph taken low the heights that suit the others reach its lens."""
+    pairs, ties = choose_pairs(block(), PairChoice(), 0.08), tie_points(0.1)
+    deep = pairs.model_copy(
+        update={"pairs": tuple(p.model_copy(update={"parallax_high": 20.0 * p.parallax_high}) for p in pairs.pairs)}
+    )
+    for pair, wide in zip(with_measured_ties(deep, block(), ties, photos().names).pairs, deep.pairs, strict=True):
+        left, right = tie_places(pair, block(), kept_ties(ties), photos().names)
+        parallax = left[:, 0] - right[:, 0] - (pair.left_col0 - pair.right_col0)
+        assert pair.parallax_high == pytest.approx(NEAREST * parallax.max()) and pair.parallax_high < wide.parallax_high
+
+
 def test_rows_without_tie_points_are_predicted():
     pairs, ties = choose_pairs(block(), PairChoice(), 0.08), tie_points(0.5)
-    assert with_measured_rows(pairs, block(), ties.take(np.zeros(0, int)), photos().names) == pairs
+    assert with_measured_ties(pairs, block(), ties.take(np.zeros(0, int)), photos().names) == pairs
     rejected = replace(ties, used=np.zeros(len(ties), bool))
-    assert with_measured_rows(pairs, block(), rejected, photos().names) == pairs
+    assert with_measured_ties(pairs, block(), rejected, photos().names) == pairs
     surveyed = replace(ties, track=-1 - ties.track)
-    assert with_measured_rows(pairs, block(), surveyed, photos().names) == pairs
+    assert with_measured_ties(pairs, block(), surveyed, photos().names) == pairs
 
 
 def test_report_warns_in_sentences():

@@ -13,7 +13,7 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.epipolar.epipolar_image import TileOfPair, resample_tile
 from orthomill.tasks.epipolar.measured_pairs import measured_pairs
 from orthomill.tasks.epipolar.pair_choice import PairChoice
-from orthomill.tasks.epipolar.parallax import ROWS_AGREE, matched_level, with_measured_rows
+from orthomill.tasks.epipolar.parallax import ROWS_AGREE, matched_level, with_measured_ties
 from orthomill.tasks.epipolar.report.epipolar_report import report
 from orthomill.tasks.epipolar.selection import choose_pairs
 from orthomill.tasks.epipolar.stage import EpipolarStage
@@ -54,7 +54,7 @@ def test_without_tie_points_photographs_are_matched_as_they_are():
     """The predictions of a weak block say nothing about its rows."""
     none = tie_points(2.0).take(np.zeros(0, int))
     pairs = choose_pairs(block(), PairChoice(), 0.08)
-    assert matched_level(with_measured_rows(pairs, block(), none, photos().names)) == 0
+    assert matched_level(with_measured_ties(pairs, block(), none, photos().names)) == 0
 
 
 def test_rows_that_agree_exactly_are_matched_as_they_are():

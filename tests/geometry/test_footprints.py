@@ -9,7 +9,7 @@ from tiny_block import EAST, FLYING, HEIGHT, NORTH, views
 
 from orthomill.schemas.camera import Camera
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.tasks.geometry.epipolar_window import box_corners, left_pixels, node_window, nodes_shape
+from orthomill.tasks.geometry.epipolar_window import box_corners, greatest_parallax, left_pixels, node_window, nodes_shape
 from orthomill.tasks.geometry.footprint import ground_bounds, ground_outline, photo_window
 from orthomill.tasks.geometry.normal_case import HeightRange, epipolar_view, in_order, normal_case
 from orthomill.tasks.geometry.rotation import rotation_matrix
@@ -109,6 +109,33 @@ def test_every_node_that_may_show_the_box_is_in_the_window(pair_and_left, row, c
     nodes = nodes[((nodes >= 0) & (nodes <= [rows - 1, cols - 1])).all(axis=1)]
     assert (nodes >= [found.row, found.col]).all() if len(nodes) else True
     assert (nodes <= [found.row + found.height - 1, found.col + found.width - 1]).all() if len(nodes) else True
+
+
+@SETTINGS
+@given(PLACE, PLACE, SIDE, SIDE, HEIGHTS)
+def test_a_box_up_to_the_camera_needs_the_nodes_of_the_ground_that_is_searched(pair_and_left, row, col, height, width, heights):
+    """What is farther than the greatest parallax is in the window, although the box reaches to the cameras and behind them."""
+    pair, _ = pair_and_left
+    window = Window(row, col, height, width)
+    box = heights[0], FLYING + HEIGHT + heights[1] - 60.0
+    found = node_window(pair, 1, box_corners(GRID, window, *box), margin=0)
+    points = inside_of(window, *box)
+    depth = (np.array(pair.left_centre) - points) @ np.array(pair.rotation)[2]
+    far = depth > pair.base * pair.c / greatest_parallax(pair)
+    nodes = left_pixels(pair, points[far])[:, ::-1]
+    rows, cols = nodes_shape(pair, 1)
+    nodes = nodes[((nodes >= 0) & (nodes <= [rows - 1, cols - 1])).all(axis=1)]
+    assert (nodes >= [found.row, found.col]).all() if len(nodes) else True
+    assert (nodes <= [found.row + found.height - 1, found.col + found.width - 1]).all() if len(nodes) else True
+
+
+def test_a_box_up_to_the_camera_needs_no_more_nodes_than_one_to_the_nearest_ground_that_is_searched(pair_and_left):
+    pair, _ = pair_and_left
+    window, camera = Window(140, 140, 5, 5), FLYING + HEIGHT
+    nearest = camera - pair.base * pair.c / greatest_parallax(pair)
+    high, low = (node_window(pair, 1, box_corners(GRID, window, 40.0, top)) for top in (camera - 5.0, nearest + 1.0))
+    assert not high.empty
+    assert (high.width, high.height) <= (low.width + 2, low.height + 2)
 
 
 def test_a_box_behind_the_camera_has_no_nodes(pair_and_left):
