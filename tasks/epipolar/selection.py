@@ -52,6 +52,8 @@ _UPRIGHT = (
 )
 _NAMED = 5
 """photographs or pairs that are named with the reason that they share"""
+_MOST_STRETCH = 4.0
+"""times the pixels of photographs: epipolar images whose sides are twice as long hold no more than these, and cost as much"""
 _GREATEST_ROOM = 0.35
 """share of the flying height; higher objects are rarely visible in two photographs, and the parallax range would explode"""
 
@@ -106,17 +108,23 @@ def choose_pairs(
     views = [block_view(block, name) for name in block.names]
     found = candidates(views, heights.mean)
     centres = np.array([view.centre for view in views])
-    kept = best_pairs([c for c in found if not why_not(c, choice)], centres, seen_places(views, heights.mean), choice)
-    refused = [*_horizons(views, heights.mean), *_refused(views, found, kept, choice)]
-    pairs = []
-    for c in kept:
-        try:
-            pairs.append(_pair(block, views, c, heights, (level, area)))
-        except GeometryError as error:
-            # Before those that others made needless: it is the reason that no pair is left.
-            refused.insert(0, (_name(views, c), str(error)))
-    if not pairs:
+    places, wanted = seen_places(views, heights.mean), (level, area)
+    made: dict[Candidate, EpipolarPair] = {}
+    unfit: dict[Candidate, str] = {}
+    useful = [c for c in found if not why_not(c, choice)]
+    # What cannot be made has its place taken by the next best, until all that are chosen can be made.
+    while new := set(kept := best_pairs([c for c in useful if c not in unfit], centres, places, choice)) - made.keys():
+        for c in new:
+            try:
+                made[c] = _pair(block, views, c, heights, wanted)
+            except GeometryError as error:
+                unfit[c] = str(error)
+    # First those that could not be made: they are the reason if no pair is left.
+    refused = [(_name(views, c), unfit[c]) for c in found if c in unfit]
+    refused += [*_horizons(views, heights.mean), *_refused(views, [c for c in found if c not in unfit], kept, choice)]
+    if not kept:
         raise GeometryError(_no_pair(block, found, refused))
+    pairs = [made[c] for c in kept]
     # In order of name: the order of the photographs in the block must not decide the order of jobs and fusion.
     ordered = tuple(sorted(pairs, key=lambda p: p.name))
     return EpipolarPairs(pairs=ordered, not_used=tuple(sorted(refused)), heights=(heights.low, heights.high))
@@ -329,12 +337,22 @@ def _pair(
     left, right = in_order(views[candidate.first], views[candidate.second])
     level, area = wanted
     pair = normal_case(left, right, heights, level)
+    if (size := _stretch(pair, left, right)) > _MOST_STRETCH:
+        raise GeometryError(
+            f"its base points along the view, so that its epipolar images have {size:.0f} times the pixels of its photographs"
+        )
     pair = pair if area is None else cut_to(pair, area, heights)
     if _shows_horizon(pair):
         raise GeometryError("corners of its epipolar images show the horizon, so that its ground has no bounds on the map")
     predicted = row_sigma(pair, block)
     rows = {"row_sigma": predicted, "row_sigma_predicted": predicted}
     return pair.model_copy(update={**rows, "height_sigmas": height_sigmas(pair, block)})
+
+
+def _stretch(pair: EpipolarPair, left: View, right: View) -> float:
+    """Pixels of the epipolar images of a pair, by those of its photographs on their level."""
+    photographs = sum(view.camera.width * view.camera.height for view in (left, right)) / 4**pair.level
+    return pair.rows * (pair.left_cols + pair.right_cols) / photographs
 
 
 def _shows_horizon(pair: EpipolarPair) -> bool:

@@ -100,6 +100,23 @@ def test_a_pair_whose_epipolar_images_show_the_horizon_is_left_out_with_the_reas
     assert all(np.isfinite(pair_bounds(pair, 0.0, 60.0)).all() for pair in pairs.pairs)
 
 
+def test_a_pair_whose_base_points_along_the_view_gives_its_place_to_the_next_best():
+    """Of a camera that climbs the images of a pair would be stretched to many times the photographs' pixels."""
+    one = block()
+    low = one.photos[0]
+    high = one.photos[1]
+    x, y, z = low.centre
+    flying = z - one.ground_mean
+    climbed = high.model_copy(update={"centre": (x + 0.28 * flying, y, z + 0.45 * flying)})
+    climbing = one.model_copy(update={"photos": (low, climbed, *one.photos[2:])})
+    pairs = choose_pairs(climbing, PairChoice(per_photo=1, per_place=1), 0.08)
+    name = next(name for name in dict(pairs.not_used) if set(name.split("-")) == {low.photo, high.photo})
+    assert "base points along the view" in dict(pairs.not_used)[name]
+    assert any(low.photo in (pair.left, pair.right) for pair in pairs.pairs)
+    named = [one_name for one_name, _ in pairs.not_used]
+    assert len(named) == len(set(named))
+
+
 def test_a_pair_without_common_ground_at_its_mean_height_is_listed_with_the_reason(monkeypatch):
     """Photographs of an object from all sides overlap on the level plane under it, but not where their pair looks."""
     first = choose_pairs(block(), PairChoice(), 0.08).pairs[0].name
