@@ -138,15 +138,20 @@ def seen_twice(cells: JudgedCells, block: Block) -> np.ndarray:
     return (np.sum([view.contains(view.project(points)) for view in views], axis=0) >= 2).reshape(x.shape)
 
 
-def robust_plane(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Coefficients of z = a + b x + c y, values beyond four NMAD left out."""
-    design, kept = np.column_stack([np.ones_like(x), x, y]), np.ones(len(z), bool)
+def robust_surface(terms: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Coefficients (k,) of z (n,) = terms (n, k) @ coefficients, values beyond four NMAD left out."""
+    kept = np.ones(len(z), bool)
     for _ in range(5):
-        found = np.linalg.lstsq(design[kept], z[kept], rcond=None)[0]
-        left = z - design @ found
+        found = np.linalg.lstsq(terms[kept], z[kept], rcond=None)[0]
+        left = z - terms @ found
         # From the median: gross errors on one side have drawn the first planes away from all others.
         kept = np.abs(left - np.median(left[kept])) < 4 * nmad(left[kept])
     return found
+
+
+def surface_terms(x: np.ndarray, y: np.ndarray, bent: bool) -> np.ndarray:
+    """The terms (n, 3 or 6) of a plane, or of a surface of second degree."""
+    return np.stack([np.ones_like(x), x, y, *((x * x, x * y, y * y) if bent else ())], axis=-1)
 
 
 def nmad(values: np.ndarray) -> float:
@@ -186,7 +191,8 @@ def sigma_rows(cells: JudgedCells, seen: np.ndarray) -> Iterator[str]:
 
 
 def cloud_rows(cells: JudgedCells, classes: np.ndarray, cloud: Path) -> Iterator[str]:
-    """Heights minus the points of the peer's cloud, by class and code, a plane through open ground removed."""
+    """Heights minus the points of the peer's cloud, by class and code, a plane through open ground removed; and without what one
+    block is bent against the other, which neither of them knows (the block's own word: `orientation.ground_bend_sigma`)."""
     points = laspy.read(cloud)
     x, y, z = (np.array(axis) for axis in (points.x, points.y, points.z))
     col, row = (np.rint(at).astype(int) for at in cells.grid.pixel(x, y))
@@ -194,18 +200,19 @@ def cloud_rows(cells: JudgedCells, classes: np.ndarray, cloud: Path) -> Iterator
     x, y, z, row, col = (values[inside] for values in (x, y, z, row, col))
     apart, rank, place = cells.height[row, col] - z, cells.rank()[row, col], classes[row, col]
     good = (place == 0) & (rank == 0)
-    middle = x.mean(), y.mean()
-    plane = robust_plane(x[good] - middle[0], y[good] - middle[1], apart[good])
-    apart = apart - plane @ np.stack([np.ones_like(x), x - middle[0], y - middle[1]])
-    yield "| class and code | points | NMAD (m) | wanted | within 0.5 m (%) |"
-    yield "| --- | --- | --- | --- | --- |"
+    plane, bend = (surface_terms(x - x.mean(), y - y.mean(), bent) for bent in (False, True))
+    level, local = (apart - terms @ robust_surface(terms[good], apart[good]) for terms in (plane, bend))
+    yield "| class and code | points | NMAD (m) | wanted | within 0.5 m (%) | without the bend of one against the other: NMAD (m) |"
+    yield "| --- | --- | --- | --- | --- | --- |"
     for number, name in enumerate(CLASSES):
         for k in range(-1, len(RANKED)):
-            chosen = apart[(place == number) & ((rank < len(RANKED)) if k < 0 else (rank == k))]
+            here = (place == number) & ((rank < len(RANKED)) if k < 0 else (rank == k))
+            chosen = level[here]
             if len(chosen) >= 1000:
                 wanted = "0.07" if (number, k) == (0, -1) else ""
                 words = "all codes" if k < 0 else _sentence(k)
-                yield f"| {name}, {words} | {len(chosen)} | {nmad(chosen):.3f} | {wanted} | {_percent(np.abs(chosen) < _NEAR)} |"
+                figures = f"{nmad(chosen):.3f} | {wanted} | {_percent(np.abs(chosen) < _NEAR)} | {nmad(local[here]):.3f}"
+                yield f"| {name}, {words} | {len(chosen)} | {figures} |"
 
 
 def common(one: JudgedCells, other: JudgedCells) -> tuple[JudgedCells, JudgedCells]:
@@ -234,7 +241,7 @@ def agreement_rows(one: JudgedCells, other: JudgedCells) -> Iterator[str]:
     apart, joint, rank = one.height - other.height, np.hypot(one.sigma, other.sigma), np.maximum(one.rank(), other.rank())
     good = (rank == 0) & (classes == 0)
     # What differs smoothly is the orientation of the strips, of which the standard errors among neighbours say nothing.
-    plane = robust_plane(x[good], y[good], apart[good])
+    plane = robust_surface(surface_terms(x[good], y[good], bent=False), apart[good])
     apart = apart - (plane[0] + plane[1] * x + plane[2] * y)
     bent = apart - smooth(apart, (rank <= _PAIRS) & (classes == 0) & (np.abs(apart) < _NEAR), round(_BEND / one.grid.cell))
     yield f"Open ground of the second is {-plane[0]:.3f} m higher in the middle; {int((rank < len(RANKED)).sum())} cells in common."

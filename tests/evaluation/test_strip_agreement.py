@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from benchmarks.brighton import CLASSES, CORNER, RANKED, JudgedCells, agreement_rows, class_numbers, common, robust_plane
+from benchmarks.brighton import (
+    CLASSES,
+    CORNER,
+    RANKED,
+    JudgedCells,
+    agreement_rows,
+    class_numbers,
+    common,
+    robust_surface,
+    surface_terms,
+)
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import Provenance
 
@@ -50,4 +60,4 @@ def test_a_plane_is_found_beside_gross_errors():
     x, y = random.uniform(-50, 50, (2, 2000))
     z = 1.0 + 0.02 * x - 0.01 * y + random.normal(0, 0.02, 2000)
     z[:200] += 30.0
-    assert robust_plane(x, y, z) == pytest.approx([1.0, 0.02, -0.01], abs=2e-3)
+    assert robust_surface(surface_terms(x, y, bent=False), z) == pytest.approx([1.0, 0.02, -0.01], abs=2e-3)
