@@ -114,12 +114,10 @@ def _points(plan: Plan, truth: Store, block: Block, rng: np.random.Generator, fo
         points.append((name, role, *(places[k] + rng.normal(0, sigma, 3)).round(4), *(3 * [sigma])))
         for number, photo in enumerate(block.names):
             if masks[k] >> number & 1:
-                pixel = block_view(block, photo).project(places[k][None])[0] + rng.normal(0, plan.mark_sigma, 2)
-                camera = block.camera_of(photo)
+                view = block_view(block, photo)
+                pixel = view.project(places[k][None])[0] + rng.normal(0, plan.mark_sigma, 2)
                 # Nobody marks beside the picture.
-                if (
-                    np.abs(pixel - (camera.width / 2 - 0.5, camera.height / 2 - 0.5)) <= (camera.width / 2, camera.height / 2)
-                ).all():
+                if view.contains(pixel[None], margin=-0.5)[0]:
                     marks.append((name, photo, *pixel.round(3), plan.mark_sigma))
     _table(folder / "points.csv", ("name", "role", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), points)
     _table(folder / "measurements.csv", ("name", "photo", "col", "row", "sigma"), marks)

@@ -113,12 +113,16 @@ def choose_pairs(
     unfit: dict[Candidate, str] = {}
     useful = [c for c in found if not why_not(c, choice)]
     # What cannot be made has its place taken by the next best, until all that are chosen can be made.
-    while new := set(kept := best_pairs([c for c in useful if c not in unfit], centres, places, choice)) - made.keys():
-        for c in new:
-            try:
-                made[c] = _pair(block, views, c, heights, wanted)
-            except GeometryError as error:
-                unfit[c] = str(error)
+    while True:
+        kept, before = best_pairs([c for c in useful if c not in unfit], centres, places, choice), len(unfit)
+        for c in kept:
+            if c not in made:
+                try:
+                    made[c] = _pair(block, views, c, heights, wanted)
+                except GeometryError as error:
+                    unfit[c] = str(error)
+        if len(unfit) == before:
+            break
     # First those that could not be made: they are the reason if no pair is left.
     refused = [(_name(views, c), unfit[c]) for c in found if c in unfit]
     refused += [*_horizons(views, heights.mean), *_refused(views, [c for c in found if c not in unfit], kept, choice)]

@@ -6,6 +6,9 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.raster import MapGrid, Window
 
+BEYOND = 1.0
+"""px of parallax beyond the range of a pair that matching may end at"""
+
 
 def box_corners(grid: MapGrid, window: Window, low: float, high: float) -> np.ndarray:
     """The eight corners (8, 3), m, of the box over the cells `window` of `grid` between two heights."""
@@ -21,10 +24,6 @@ def left_pixels(pair: EpipolarPair, points: np.ndarray) -> np.ndarray:
         pixels = np.column_stack([pair.left_col0 - pair.c * u[:, 0] / u[:, 2], pair.row0 + pair.c * u[:, 1] / u[:, 2]])
     pixels[u[:, 2] >= 0] = np.nan
     return pixels
-
-
-BEYOND = 1.0
-"""px of parallax beyond the range of a pair that matching may end at"""
 
 
 def greatest_parallax(pair: EpipolarPair) -> float:

@@ -109,10 +109,11 @@ def distance_variances_between(result: Adjustment, point: np.ndarray, rays: Rays
     return distances_elsewhere(linearised(network, state, rays), result.cofactor, point, ends)
 
 
-def joint_covariance(result: Adjustment, point: np.ndarray, rays: Rays) -> np.ndarray:
-    """Covariance (3n, 3n) m^2 of intersected points (n, 3), including that of the orientation, which they share."""
+def joint_covariance(result: Adjustment, point: np.ndarray, rays: Rays, numbers: np.ndarray) -> np.ndarray:
+    """Covariance (3k, 3k) m^2 of those with these `numbers` (k,) of intersected points (n, 3), including that of the orientation,
+    which they share."""
     state, network = replace(result.state, point=point), _without_points(result.network, len(point))
-    return joint_elsewhere(linearised(network, state, rays), result.cofactor, np.arange(len(point)))
+    return joint_elsewhere(linearised(network, state, rays), result.cofactor, numbers)
 
 
 def _without_points(network: Network, count: int) -> Network:

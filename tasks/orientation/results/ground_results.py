@@ -1,15 +1,12 @@
 """Control, check points, positions and distances against the adjusted block, each with the standard error that is predicted for
 its difference."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import chdtrc
 
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import DistanceResidual, GroundResidual, GroundResiduals, JointTest
 from orthomill.tasks.adjustment.model.datum import antennas, distance_residuals, position_residuals
-from orthomill.tasks.adjustment.model.network import Rays
 from orthomill.tasks.adjustment.testing.surveyed_blunders import CHECKABLE
 from orthomill.tasks.adjustment.testing.variance_components import distance_variances, position_covariances
 from orthomill.tasks.orientation.block.assembly import BlockResults
@@ -86,19 +83,15 @@ def _checks(results: BlockResults, control: Control) -> tuple[list[GroundResidua
         variance = np.diag(found.covariance[i]) + np.square(point.sigma)
         difference = found.point[i] + results.datum.origin - point.xyz
         rows.append(_residual(point.name, "check", difference, variance, int(own.sum()), found.residual[own]))
-    return rows, _joint_test(results, rows, found.point, rays, [points[i].sigma for i in placed]) if rows else None
+    sigma = np.array([points[i].sigma for i in placed])
+    return rows, _joint_test(rows, sigma, joint_covariance(result, found.point, rays, placed)) if rows else None
 
 
-def _joint_test(
-    results: BlockResults, rows: list[GroundResidual], found: np.ndarray, rays: Rays, sigma: list[tuple[float, float, float]]
-) -> JointTest:
-    """Of the check points `rows`, which are the placed ones of `found` (n, 3; NaN: not placed)."""
-    placed = np.isfinite(found).all(axis=1)
-    own = rays.take(placed[rays.point])
-    own = replace(own, point=(np.cumsum(placed) - 1)[own.point])
-    predicted = joint_covariance(results.result, found[placed], own) + np.diag(np.square(sigma).ravel())
+def _joint_test(rows: list[GroundResidual], sigma: np.ndarray, covariance: np.ndarray) -> JointTest:
+    """Of check points with surveyed standard errors `sigma` (k, 3) m and the joint `covariance` (3k, 3k) m^2 of their places in the
+    block."""
     difference = np.array([row.difference for row in rows]).ravel()
-    square = float(difference @ np.linalg.solve(predicted, difference))
+    square = float(difference @ np.linalg.solve(covariance + np.diag(np.square(sigma).ravel()), difference))
     return JointTest(square=square, coordinates=len(difference), chance=float(chdtrc(len(difference), square)))
 
 

@@ -364,3 +364,13 @@ def test_all_control_half_a_metre_off_is_a_contradiction_of_the_check_points():
     assert good.coordinates == 3 * len(checks) and good.chance > 0.001
     moved = with_control(block, lambda i, p: p.model_copy(update={"xyz": (p.xyz[0] + 0.5, *p.xyz[1:])}))
     assert orient(moved)["ground_residuals"].checked.chance < 1e-6
+
+
+def test_a_check_point_that_is_marked_once_has_no_part_in_the_joint_test():
+    block = two_strips(15)
+    first = next(p for p in block.control.points if p.role == "check")
+    once = first.model_copy(update={"measurements": dict(list(first.measurements.items())[:1])})
+    points = tuple(once if p is first else p for p in block.control.points)
+    ground = orient(replace(block, control=Control(points=points)))["ground_residuals"]
+    assert first.name not in {row.name for row in ground.of_role("check")}
+    assert ground.checked.coordinates == 3 * len(ground.of_role("check")) and 0.001 < ground.checked.chance < 1.0
