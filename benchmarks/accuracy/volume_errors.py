@@ -19,6 +19,7 @@ from scipy.stats import binom
 from benchmarks.accuracy.true_errors import errors_of
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.cli.lookups.measured_surface import RunSurface
+from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.surface_answers import SurfaceCut
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.raster import MapGrid, Window
@@ -37,9 +38,11 @@ TRIES = 4000
 MODES = 4
 NODES = 33
 """places along a side at which it is computed what the orientations do"""
+LEVELS = 20.0
+"""m between the two levels at which it is"""
 LEAST_MEASURED = 0.98
 """share of the cells that photographs measured, where polygons are called measured: of 100 000 m2 a tree or two are not"""
-_ALONE = ErrorCorrelation((0.0, 1.0), (1.0, 0.0))
+_ALONE = ErrorCorrelation((0.0, 1.0), (1.0, 0.0), common=0.0)
 
 
 def star(rng: np.random.Generator, radius: float) -> np.ndarray:
@@ -66,18 +69,31 @@ class Town:
         return SurfaceCut(self.whole.height[w], self.whole.relative[w], self.whole.datum[w], self.whole.measured[w])
 
 
-def town_of(run: str) -> Town:
-    """What a finished run has."""
+def town_of(run: str, flown: Path | None = None) -> Town:
+    """What a finished run has; flown: the run that rendered its photographs and has the truth, if it is another."""
     surface = RunSurface(Path(run))
-    full = Window(0, 0, surface.grid.rows, surface.grid.cols)
-    grid, block, true = surface.grid, surface.store.table(BLOCK), surface.store.table(TRUTH_BLOCK)
+    truth = surface.store if flown is None else Store(flown)
+    grid, block, true = surface.grid, surface.store.table(BLOCK), truth.table(TRUTH_BLOCK)
+    cut = surface.read(Window(0, 0, grid.rows, grid.cols))
+    return Town(grid, block, cut, errors_of(truth, grid, cut.height), _turned(grid, block, true, cut.height))
+
+
+def _turned(grid: MapGrid, block: Block, true: Block, height: np.ndarray) -> np.ndarray:
+    """What the orientations do to heights (rows, cols) m: on a lattice at two levels, between which it is straight in height (a
+    wrong camera constant raises roofs more than streets)."""
     row, col = (np.linspace(0, count - 1, NODES) for count in grid.shape)
     x, y = np.meshgrid(grid.west + (col + 0.5) * grid.cell, grid.north - (row + 0.5) * grid.cell)
-    raised = datum_heights(block, true, np.column_stack([x.ravel(), y.ravel(), np.full(x.size, true.ground_mean)]))
-    at = (np.arange(count) * (NODES - 1) / (count - 1) for count in grid.shape)
-    turned = map_coordinates(raised.reshape(x.shape), np.meshgrid(*at, indexing="ij"), order=1, output=np.float32)
-    cut = surface.read(full)
-    return Town(grid, block, cut, errors_of(surface.store, grid, cut.height), turned)
+    at = np.meshgrid(*(np.arange(count) * (NODES - 1) / (count - 1) for count in grid.shape), indexing="ij")
+    low, high = (
+        map_coordinates(
+            datum_heights(block, true, np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)])).reshape(x.shape),
+            at,
+            order=1,
+            output=np.float32,
+        )
+        for level in (true.ground_mean, true.ground_mean + LEVELS)
+    )
+    return np.asarray(low + (high - low) * ((height - true.ground_mean) / np.float32(LEVELS)))
 
 
 class Found(NamedTuple):

@@ -152,6 +152,15 @@ _ALL = (
         "RUN ... [MOST]: finished runs of simulated towns, and the largest polygons, m2",
     ),
     Study(
+        "common_errors",
+        "accuracy.common_errors",
+        "what the errors of all measured heights of a surface have in common",
+        "seconds",
+        ("tasks/accuracy",),
+        "flights that `surveyed_flights` has run",
+        "FOLDER [RUN ...]: a folder of `surveyed_flights`, and finished runs of simulated towns",
+    ),
+    Study(
         "contour_errors",
         "accuracy.contour_errors",
         "vertices of contours against the true ground and their standard errors",

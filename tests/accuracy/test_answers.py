@@ -19,7 +19,7 @@ from orthomill.tasks.accuracy.answers.polygon_volumes import area_of, crosses_it
 RNG = np.random.default_rng(11)
 SMOOTH = 3.0
 """cells: sigma of the filter that correlates the noise"""
-ALONE = ErrorCorrelation((0.0, 1.0), (1.0, 0.0))
+ALONE = ErrorCorrelation((0.0, 1.0), (1.0, 0.0), common=0.0)
 
 
 def noise(shape, sigma=0.05):
@@ -29,7 +29,7 @@ def noise(shape, sigma=0.05):
 
 def gaussian_correlation():
     distances = np.arange(0.0, 20.0)
-    return ErrorCorrelation(tuple(distances), tuple(np.exp(-(distances**2) / (4 * SMOOTH**2))))
+    return ErrorCorrelation(tuple(distances), tuple(np.exp(-(distances**2) / (4 * SMOOTH**2))), common=0.0)
 
 
 def part(height, sigma=0.05, datum=0.0, measured=True):
@@ -191,3 +191,14 @@ def test_a_height_in_a_large_part_is_that_of_its_four_cells():
     assert found.height == pytest.approx(2.5 * 7 + 4.25) and found.error.sigma == pytest.approx(whole.sigma)
     for col, row in ((-0.5, 2.0), (2.0, -0.5), (6.5, 2.0), (2.0, 4.2)):
         assert spot_height(surface, col, row, known) is None
+
+
+def test_what_all_heights_have_in_common_does_not_fade_over_a_large_area_and_cancels_in_differences():
+    common = replace(ALONE, common=0.04)
+    weights = np.full((300, 300), 1 / 300**2)
+    assert error_of(weights, part(np.zeros((300, 300)), sigma=0.1), common).measured == pytest.approx(0.02, rel=0.01)
+    apart = np.where(np.arange(300) < 150, 1.0, -1.0) * weights
+    assert error_of(apart, part(np.zeros((300, 300)), sigma=0.1), common).measured < 0.001
+    single = np.zeros((5, 5))
+    single[2, 2] = 1.0
+    assert error_of(single, part(np.zeros((5, 5)), sigma=0.1), common).measured == pytest.approx(0.1), "as sure as stated"

@@ -3,7 +3,9 @@
 Windows of ground that is one smooth sheet are freed from a quadratic surface; what remains is noise of the matching (and the
 ground's own unevenness, which makes answers a little less sure than they are, never surer). The mean of its products by distance
 is the correlation. The quadratic surface takes away what is long: the correlation is nowhere taken as less than the one that was
-measured against the truth on the simulated town of volos, which is assumed where a block shows no such ground.
+measured against the truth on the simulated town of volos, which is assumed where a block shows no such ground. Far apart errors
+are correlated as well, for the same photographs and lenses made all of them: of that no window of the surface knows, and what was
+measured over simulated flights is assumed on every block.
 """
 
 from dataclasses import dataclass
@@ -16,6 +18,9 @@ DISTANCES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0)
 """cells"""
 ASSUMED = (1.0, 0.97, 0.89, 0.80, 0.69, 0.46, 0.27, 0.08, 0.06, 0.06, 0.04, 0.0)
 """of the errors of the open ground of volos, 3.9 million measured cells against the truth"""
+COMMON = 0.03
+"""share of the variance of a measured height that all heights of a surface have in common, the datum apart: the mean of the squares
+of 20 simulated flights and towns (benchmarks: `common_errors`)"""
 SIDES = (96, 48)
 """cells along a window: the larger ones first, and the smaller where the ground is too hilly for those"""
 LEAST = 4
@@ -26,28 +31,30 @@ _ROUGH = 1.25
 
 @dataclass(frozen=True)
 class ErrorCorrelation:
-    """Correlation of the errors of two heights: of matching by their distance, in cells, 0 beyond the last one; of the datum by
-    their places."""
+    """Correlation of the errors of two heights: of matching by their distance, in cells, beyond the last one that of all heights;
+    of the datum by their places."""
 
     distances: tuple[float, ...] = DISTANCES
     values: tuple[float, ...] = ASSUMED
     windows: int = 0
     """windows that it was estimated from; 0: assumed"""
+    common: float = COMMON
+    """correlation of all heights of the surface, however far apart"""
     datum: DatumLattice | None = None
     """None: one error, common to the block"""
 
     @property
     def cells(self) -> float:
-        """How many cells count as one observation: the sum of the correlation over the plane."""
+        """How many cells count as one observation, what all have in common apart: the sum of the correlation over the plane."""
         return float(kernel_of(self).sum())
 
 
 def kernel_of(correlation: ErrorCorrelation) -> np.ndarray:
-    """The correlation (2 r + 1, 2 r + 1) around a cell, r the last distance."""
+    """The correlation (2 r + 1, 2 r + 1) around a cell beyond what all heights have in common, r the last distance."""
     reach = int(np.ceil(correlation.distances[-1]))
     steps = np.arange(-reach, reach + 1)
     away = np.hypot(*np.meshgrid(steps, steps))
-    return np.interp(away, correlation.distances, correlation.values, right=0.0)
+    return np.maximum(np.interp(away, correlation.distances, correlation.values, right=0.0) - correlation.common, 0.0)
 
 
 def window_products(height: np.ndarray, sigma: np.ndarray, measured: np.ndarray) -> np.ndarray | None:

@@ -67,7 +67,7 @@ def error_of(weights: np.ndarray, part: SurfacePart, correlation: ErrorCorrelati
 
 
 def _correlated(pull: np.ndarray, correlation: ErrorCorrelation) -> float:
-    """sum_ij p_i p_j rho(d_ij), never below that of independent cells."""
+    """sum_ij p_i p_j rho(d_ij): what is common to all cells, and what neighbours share, never below that of independent cells."""
     from scipy.signal import fftconvolve
 
     alone = float((pull**2).sum())
@@ -79,8 +79,8 @@ def _correlated(pull: np.ndarray, correlation: ErrorCorrelation) -> float:
     reach = (near.shape[0] - own.shape[0]) // 2
     inner = near[reach : reach + own.shape[0], reach : reach + own.shape[1]]
     # A measured table of correlations need not be positive definite: differences of neighbours could have a negative variance.
-    floor = alone * (1 - correlation.values[1]) if len(correlation.values) > 1 else alone
-    return max(float((own * inner).sum()), floor)
+    nearest = max(correlation.values[1], correlation.common) if len(correlation.values) > 1 else correlation.common
+    return correlation.common * float(own.sum()) ** 2 + max(float((own * inner).sum()), alone * (1 - nearest))
 
 
 def _patches(guess: np.ndarray) -> float:

@@ -93,7 +93,8 @@ def correlation_words(correlation: ErrorCorrelation) -> str:
     else:
         known = "as on a simulated town, for this surface has too little smooth ground to tell"
     leaning = "leans and bends as the block's covariances say" if correlation.datum else "is one error, common to the block"
-    return f"Errors of neighbouring heights are taken as correlated {known}: {cells}. The datum {leaning}."
+    common = f"{math.sqrt(correlation.common):.2f} of a standard error is common to all heights, as on simulated flights"
+    return f"Errors of neighbouring heights are taken as correlated {known}: {cells}; {common}. The datum {leaning}."
 
 
 def _part(cut: SurfaceCut, window: Window) -> SurfacePart:
