@@ -330,6 +330,21 @@ class PositionOffset(BaseModel):
     sigma: float
 
 
+class PositionDrift(BaseModel):
+    """How the positions of a flight move evenly against the block, from its first photograph to its last, m in X, Y, Z: what an
+    unknown of the adjustment would be, which it is not; None where the block would follow all of it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    photos: tuple[str, ...]
+    """in the order of time"""
+    hours: float
+    value: tuple[float | None, float | None, float | None]
+    sigma: tuple[float | None, float | None, float | None]
+    freedom: float
+    """observations that the scatter of the positions is known from"""
+
+
 class LeverArm(BaseModel):
     """From the projection centre to the antenna of one of several receivers, in the image system, m: x right,
     y up, z backwards."""
@@ -389,6 +404,8 @@ class BlockPrecision(BaseModel):
     """those of several receivers, instead of one for all"""
     offsets: tuple[PositionOffset, ...] = ()
     """constant errors of positions, where they are not one common shift"""
+    drifts: tuple[PositionDrift, ...] = ()
+    """of each flight whose photographs have times"""
     sources: tuple[SourceStatement, ...] = ()
     """what each source says by itself; empty for a free block"""
     groups: tuple[ObservationGroup, ...] = ()

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from orthomill.schemas.job import Columns, Table
-from orthomill.schemas.orientation import LeverArm, ObservationGroup, PositionOffset
+from orthomill.schemas.orientation import LeverArm, ObservationGroup, PositionDrift, PositionOffset
 
 
 class _Part(BaseModel):
@@ -61,6 +61,8 @@ class AdjustmentStatement(_Part):
     gnss_shift_sigma: tuple[float, float, float] | None = None
     gnss_offsets: tuple[PositionOffset, ...] = ()
     """constant errors of the positions of a flight, where they are not one for all"""
+    gnss_drifts: tuple[PositionDrift, ...] = ()
+    """how the positions of a flight move against the block; tested, not adjusted"""
     lever_arms: tuple[LeverArm, ...] = ()
     """of each receiver; empty: none was given or adjusted"""
 

@@ -19,6 +19,7 @@ from orthomill.schemas.findings.camera_findings import (
 from orthomill.schemas.findings.contradiction_findings import (
     ConstantOfItsOwn,
     OffsetAdjusted,
+    PositionsDrift,
     ScaleContradicted,
     SourcesDisagree,
     UnitContradicted,
@@ -85,6 +86,7 @@ BlockFinding = Annotated[
     | PositionsElsewhere
     | PositionsAlongView
     | OffsetAdjusted
+    | PositionsDrift
     | ConstantOfItsOwn
     | UnitContradicted
     | ScaleContradicted

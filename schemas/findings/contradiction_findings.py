@@ -81,6 +81,30 @@ class OffsetAdjusted(SpokenFinding):
         )
 
 
+class PositionsDrift(SpokenFinding):
+    """The positions of a flight move evenly against the block, which follows them in part."""
+
+    code: Literal["positions_drift"] = "positions_drift"
+    photos: tuple[str, ...]
+    """in the order of time"""
+    hours: float
+    drift: tuple[float | None, float | None, float | None]
+    """m in X, Y and height from the first photograph to the last; None where nothing shows it"""
+    sigma: tuple[float | None, float | None, float | None]
+
+    @property
+    def sentence(self) -> str:
+        known = zip(("X", "Y", "height"), self.drift, self.sigma, strict=True)
+        values = (
+            f"{value:+.2f} m in {name} (standard error {sigma or 0.0:.2f} m)" for name, value, sigma in known if value is not None
+        )
+        return (
+            f"The positions of {photographs(self.photos)} drift against the block, in {_duration(self.hours)} by "
+            f"{', '.join(values)}: the receiver or its base did not hold its solution. The block follows a part of that, as a tilt "
+            "or a bend. Process the positions again with the data of a base station, or give control at both ends of the flight."
+        )
+
+
 class ConstantOfItsOwn(SpokenFinding):
     """Photographs were taken with another camera constant than the others of their camera, and got a camera of their own; or only
     their positions say so (`used` false), and they kept it."""
@@ -199,6 +223,10 @@ def _choice(finding: OffsetAdjusted) -> str:
 def photographs(names: Sequence[str]) -> str:
     """Photographs in a row, by the first and the last of them."""
     return ", ".join(names) if len(names) < 3 else f"{names[0]} to {names[-1]} ({len(names)} photographs)"
+
+
+def _duration(hours: float) -> str:
+    return f"{hours:.1f} h" if hours >= 1.0 else f"{60.0 * hours:.0f} min"
 
 
 def _height(finding: OffsetAdjusted) -> str:

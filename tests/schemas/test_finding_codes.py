@@ -84,6 +84,7 @@ BLOCK_VALUES = {
     "position_contradicted": {"photo": "a", "difference": VECTOR, "ratio": 9.0},
     "positions_elsewhere": {"photos": 12, "distance_m": 840.0},
     "positions_along_view": {"photos": 12, "along_m": -31.4},
+    "positions_drift": {"photos": ("a", "b"), "hours": 0.4, "drift": (None, 0.1, 0.3), "sigma": (None, 0.01, 0.02)},
     "offset_adjusted": {
         "photos": ("a", "b"),
         "against": "others",

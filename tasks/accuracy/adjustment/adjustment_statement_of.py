@@ -48,6 +48,7 @@ def state_adjustment(block: Block, ground: GroundResiduals, precision: BlockPrec
         gnss_shift=precision.gnss_shift,
         gnss_shift_sigma=precision.gnss_shift_sigma,
         gnss_offsets=precision.offsets,
+        gnss_drifts=precision.drifts,
         lever_arms=precision.lever_arms or _only_arm(precision),
     )
     surveyed = _columns({"control": control, "position": positions, "distance": distances, "check distance": checks})

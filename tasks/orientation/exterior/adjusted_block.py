@@ -170,7 +170,7 @@ def _block_of_sensors(
         points=ground_points(results, tracks),
         image_residuals=image_residuals(results, tracks, control),
         ground_residuals=ground_residuals(results, control),
-        precision=block_precision(results, tracks, apart, control),
+        precision=block_precision(results, tracks, apart, control, photos),
         separate=SeparateBlocks(blocks=apart),
     )
 

@@ -1,6 +1,6 @@
 """The adjustment as tables: fit to control, checks and positions, groups of observations, largest residuals, distances, antenna."""
 
-from orthomill.schemas.orientation import BlockPrecision, DistanceResidual, GroundResiduals, ObservationGroup
+from orthomill.schemas.orientation import BlockPrecision, DistanceResidual, GroundResiduals, ObservationGroup, PositionDrift
 from orthomill.schemas.stage_report import Grid
 from orthomill.tasks.orientation.report.source_tables import source_grids
 
@@ -101,12 +101,19 @@ def _antenna(precision: BlockPrecision) -> Grid:
         ("common shift of the GNSS positions: X, Y, Z", precision.gnss_shift, precision.gnss_shift_sigma),
         ("antenna from the projection centre: right, up, backwards", precision.lever_arm, precision.lever_arm_sigma),
         *((f"antenna of {name}: right, up, backwards", value, sigma) for name, value, sigma in arms),
+        *((_drift_of(drift), drift.value, drift.sigma) for drift in precision.drifts),
     )
     # A lever arm of zero that was not adjusted is no row: most blocks have none.
     rows = tuple((what, *value, *(sigma or (None,) * 3)) for what, value, sigma in found if value)
     return Grid(
-        title="GNSS shift and lever arm",
+        title="GNSS shift, lever arm and drift",
         columns=("", "1", "2", "3", "sigma 1", "sigma 2", "sigma 3"),
         rows=rows,
-        note="Metres. No standard error: taken as exactly known.",
+        note="Metres. No standard error: taken as exactly known. A drift is tested and not adjusted: what it would be as an "
+        "unknown, from the first photograph of a flight to its last; empty where the block would follow all of it, as a lean.",
     )
+
+
+def _drift_of(drift: PositionDrift) -> str:
+    first, last = drift.photos[0], drift.photos[-1]
+    return f"drift of the positions from {first} to {last} ({len(drift.photos)}, {60.0 * drift.hours:.0f} min): X, Y, Z"

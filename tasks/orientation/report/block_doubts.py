@@ -7,6 +7,7 @@ from orthomill.schemas.findings.camera_findings import ConstantContradicted, Dis
 from orthomill.schemas.findings.contradiction_findings import (
     ConstantOfItsOwn,
     OffsetAdjusted,
+    PositionsDrift,
     ScaleContradicted,
     SourcesDisagree,
     UnitContradicted,
@@ -41,6 +42,7 @@ GRAVE = (
     ScaleContradicted,
     ConstantOfItsOwn,
     OffsetAdjusted,
+    PositionsDrift,
     BlockBent,
     SourcesDisagree,
     MarksInAnotherFrame,

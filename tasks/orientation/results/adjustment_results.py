@@ -12,6 +12,7 @@ from orthomill.schemas.findings.contradiction_findings import SourcesDisagree
 from orthomill.schemas.findings.datum_findings import BlockSeparate, GroupsUnconnected
 from orthomill.schemas.observations import Control
 from orthomill.schemas.orientation import Block, BlockPrecision, LargestResidual, LeverArm, ObservationGroup, ParameterCorrelation
+from orthomill.schemas.photo import Photos
 from orthomill.tasks.adjustment.model.interior import given_sigmas, is_guessed
 from orthomill.tasks.adjustment.model.network import Network, common_shift
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, ObservationKind
@@ -19,6 +20,7 @@ from orthomill.tasks.orientation.block.assembly import BlockResults, Problem
 from orthomill.tasks.orientation.block.camera_constant import MOVED
 from orthomill.tasks.orientation.results.contradictions import contradicting_distances, contradicting_points, contradictions
 from orthomill.tasks.orientation.results.group_reliability import reliability_of_groups
+from orthomill.tasks.orientation.results.position_drifts import drift_findings, position_drifts
 from orthomill.tasks.orientation.shape.bent_block import bent_block
 from orthomill.tasks.orientation.shape.shape_precision import shape_precision
 from orthomill.tasks.orientation.sources.source_findings import BEND, covered_by
@@ -31,7 +33,9 @@ PRINCIPAL_POINT = slice(1, 3)
 """x0, y0 in the order of INTERIOR"""
 
 
-def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Block, ...], control: Control) -> BlockPrecision:
+def block_precision(
+    results: BlockResults, tracks: np.ndarray, apart: tuple[Block, ...], control: Control, photos: Photos
+) -> BlockPrecision:
     """The table of the adjustment; `tracks` (N,) of its tie points, `apart`: blocks that nothing connects to the project's
     system."""
     problem, result = results.problem, results.result
@@ -43,6 +47,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
     shape = shape_precision(results)
     bends = tuple(bent_block(results, shape.bend if shape else None))
     arms = tuple(_lever_arms(problem, result))
+    drifts = position_drifts(results, photos)
     return BlockPrecision(
         image_factor=factors.image,
         position_factor=max(factors.position),
@@ -56,6 +61,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
         lever_arm_sigma=arms[0].sigma if len(arms) == 1 else None,
         lever_arms=arms if len(arms) > 1 else (),
         offsets=() if _is_common(network) else results.offsets,
+        drifts=drifts,
         sources=results.statements,
         groups=tuple(_groups(problem, result)),
         largest=tuple(_largest(problem, result, tracks)),
@@ -71,6 +77,7 @@ def block_precision(results: BlockResults, tracks: np.ndarray, apart: tuple[Bloc
             *results.datum.findings,
             *_unexplained(results, contradictions(results, points, distances, control)),
             *(finding for finding in results.findings if not (bends and _about_bend(finding))),
+            *drift_findings(drifts, problem.known.position_sigma, problem.names),
             *_nominal_constants(problem, result),
             *_moved_principal_points(results),
             *_unconnected(problem, apart),

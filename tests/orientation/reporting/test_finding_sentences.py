@@ -175,6 +175,14 @@ SPOKEN = [
         ["(the tags say: above the ellipsoid) lie 47.23 m (standard error 0.05 m) above the control", "both keep", "height system"],
     ),
     (
+        f.PositionsDrift(photos=("a", "b", "c"), hours=0.4, drift=(None, 0.01, -0.3), sigma=(None, 0.02, 0.04)),
+        [
+            "positions of a to c (3 photographs) drift against the block, in 24 min by +0.01 m in Y",
+            "-0.30 m in height",
+            "control at",
+        ],
+    ),
+    (
         f.ScaleContradicted(factor=1.00038, sigma=0.00001, map_factor=0.99962),
         ["In plan the control is 1.00038 times as large", "what distances on the ground are on this map (1 m is 0.99962 m on it)"],
     ),
