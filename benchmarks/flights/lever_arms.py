@@ -34,7 +34,7 @@ Move = Callable[[Flight], np.ndarray]
 
 
 class Arm(NamedTuple):
-    """A flight with what was estimated and stated, m (3,): its lever arm or drift, and the root mean square errors of the centres."""
+    """A flight with what was estimated and stated, m (3,): its lever arm or drift, and root mean square errors of the centres."""
 
     layout: str
     value: np.ndarray
@@ -75,17 +75,17 @@ def oriented(seed: int, move: Move, lever_sigma: float | None) -> Arm:
     )
     relative = relate_pairs(photos, flown.cameras, flown.tie_points, LEAST_MATCHES)
     found = orient_block(photos, flown.cameras, flown.tie_points, Control(), relative, "EPSG:2100", choices)
-    return _arm(flown, found)
+    return _arm(flown, found, lever_sigma is not None)
 
 
-def _arm(flown: Flight, found: BlockTables) -> Arm:
+def _arm(flown: Flight, found: BlockTables, lever: bool) -> Arm:
     precision, truth = found.precision, {view.name: view.centre for view in flown.views}
     error = np.array([np.array(photo.centre) - truth[photo.photo] for photo in found.block.photos])
     variance = np.array([np.diag(np.array(photo.covariance))[:3] for photo in found.block.photos])
     said = ", ".join(sorted({type(one).__name__ for one in precision.findings})) or "nothing"
     drift = precision.drifts[0]
-    found = (precision.lever_arm, precision.lever_arm_sigma) if precision.lever_arm else (drift.value, drift.sigma)
-    value, sigma = (np.array(one, float) for one in found)
+    estimated = (precision.lever_arm, precision.lever_arm_sigma) if lever else (drift.value, drift.sigma)
+    value, sigma = (np.array(one, float) for one in estimated)
     return Arm(flown.kind.layout, value, sigma, _rms(error), np.sqrt(variance.mean(axis=0)), said)
 
 

@@ -218,6 +218,14 @@ def test_one_point_that_is_far_off_is_named():
     assert "the surface is -0.28 m off" in told and "while the others fit" in told and told in report.doubts
 
 
+def test_a_point_that_is_metres_off_is_named_and_not_the_promise_of_the_others():
+    tests = made(count=6)
+    wrong = tests.points[3].model_copy(update={"surveyed": (*tests.points[3].surveyed[:2], 15.0)})
+    report = report_of(tests.model_copy(update={"points": (*tests.points[:3], wrong, *tests.points[4:])}))
+    (told,) = [warning for warning in report.warnings if "check point P3" in warning]
+    assert "while the others fit" in told and not any("too small here" in warning for warning in report.warnings)
+
+
 def test_a_shift_that_the_datum_allows_is_told_and_no_doubt():
     tests = made(up=0.1)
     heights = (point.height.model_copy(update={"datum": 0.05}) for point in tests.points)

@@ -16,6 +16,7 @@ from orthomill.tasks.accuracy.report.adjustment_words import (
     promise_grid,
     promise_warnings,
 )
+from orthomill.tasks.accuracy.report.single_points import REALISTIC, SinglePoint, single_points
 
 _WORDS: dict[AccuracyKind, str] = {
     "horizontal": "in plan (orthoimage)",
@@ -46,10 +47,6 @@ NOTHING = (
     "Nothing is proved: {why}. What is stated is the precision that the adjustment promises, and how well "
     "photographs and surface agree; errors that both share are in neither."
 )
-ALONE = 4.0
-"""Promised standard errors by which a single point is told to differ."""
-REALISTIC = 2.0
-"""Differences this many times their promised standard errors contradict the promise."""
 
 
 def accuracy_report(
@@ -212,13 +209,15 @@ def _why_not(height: HeightTest, surveyed: float) -> str:
 
 def _warnings(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
     yield from (error.sentence for error in statement.named)
+    alone = {figure.kind: single_points(tests, figure.kind) for figure in statement.figures}
     for figure in statement.figures:
-        if figure.promised and figure.promised > REALISTIC:
+        # A point that is wrong by itself makes any factor, and says nothing of what is promised.
+        if figure.promised and figure.promised > REALISTIC and not alone[figure.kind]:
             yield (
                 f"Differences {_WORDS[figure.kind]} are {figure.promised:.1f} times what was promised for them: the "
                 "stated standard errors are too small here, by that factor."
             )
-    yield from _single(tests, statement)
+    yield from _single(alone)
     rough = sum(bool(test.height and "edge" in test.height.reason) for test in tests.points if not test.vegetated)
     if rough > max(1, len(tests.points) / 3):
         yield (
@@ -227,19 +226,17 @@ def _warnings(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
         )
 
 
-def _single(tests: PointTests, statement: AccuracyStatement) -> Iterator[str]:
-    """Points that differ far more than promised where all together do not: errors of the survey, or of one place of a product."""
-    for point in tests.points:
-        height, words = (point.terrain, "bare ground") if point.vegetated else (point.height, "surface")
-        figure = statement.of("vva_terrain" if point.vegetated else "nva")
-        difference, promised = point.difference(height), point.predicted(height)
-        if difference is None or not promised or figure is None or not figure.promised or figure.promised > REALISTIC:
-            continue
-        if abs(difference) > ALONE * promised:
-            yield (
-                f"At check point {point.name} the {words} is {difference:+.2f} m off, {abs(difference) / promised:.1f} times what "
-                "is promised there, while the others fit: look at its height in the survey, and at the place. It is counted."
-            )
+def _single(alone: dict[AccuracyKind, tuple[SinglePoint, ...]]) -> Iterator[str]:
+    told: set[str] = set()
+    for kind, points in alone.items():
+        words = "surface" if kind in ("nva", "vva") else "bare ground"
+        for point in points:
+            if point.name not in told:
+                yield (
+                    f"At check point {point.name} the {words} is {point.difference:+.2f} m off, {point.times:.1f} times what "
+                    "is promised there, while the others fit: look at its height in the survey, and at the place. It is counted."
+                )
+        told.update(point.name for point in points)
 
 
 def _points(count: int) -> str:

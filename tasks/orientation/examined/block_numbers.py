@@ -44,6 +44,25 @@ def contradicts_precision(found: Accuracy, test: JointTest | None) -> bool:
     return test is not None and test.chance < RARE and found.by_predicted > NOTICEABLE
 
 
+ALONE = 4.0
+"""Standard errors by which a check point contradicts a block that all others agree with"""
+
+
+def wrong_alone(points: tuple[GroundResidual, ...], test: JointTest | None) -> tuple[GroundResidual, Accuracy] | None:
+    """The one check point by which all of them contradict the block, with the accuracy at the others, which agree with it; None
+    where there is no such point, or fewer than two others."""
+    whole = accuracy(points)
+    if whole is None or not contradicts_precision(whole, test):
+        return None
+    times = [accuracy((point,)) for point in points]
+    found = [point for point, own in zip(points, times, strict=True) if own and own.by_predicted > ALONE]
+    others = tuple(point for point in points if point not in found)
+    rest = accuracy(others)
+    if len(found) != 1 or len(others) < 2 or rest is None or rest.by_predicted > NOTICEABLE:
+        return None
+    return found[0], rest
+
+
 def ground_pixel(facts: Facts) -> float | None:
     """Side of a photograph's pixel on the ground, m: the median over the block, below or before the projection centres."""
     if not len(facts.points) or not facts.block.photos:

@@ -8,10 +8,18 @@ from collections.abc import Iterator
 from math import isnan
 
 from orthomill.schemas.findings.datum_findings import NoDatum, PositionsCrowded
+from orthomill.schemas.orientation import GroundResidual
 from orthomill.schemas.stage_report import Answer, Evidence, Product, Topic, Verdict
 from orthomill.tasks.geometry.reference_system import on_earth
 from orthomill.tasks.orientation.examined.block_facts import Facts
-from orthomill.tasks.orientation.examined.block_numbers import Accuracy, accuracy, contradicts_precision, ground_pixel, point_sigmas
+from orthomill.tasks.orientation.examined.block_numbers import (
+    Accuracy,
+    accuracy,
+    contradicts_precision,
+    ground_pixel,
+    point_sigmas,
+    wrong_alone,
+)
 
 CLASSES = ((1.0, "the most accurate mapping (1 pixel)"), (2.0, "standard mapping (2 pixels)"), (3.0, "visualisation (3 pixels)"))
 """Limit in ground pixels, and what differences below it are good enough for."""
@@ -99,18 +107,27 @@ def block_verdict(facts: Facts, doubts: tuple[str, ...]) -> Verdict:
     grave, rare = found.by_predicted > REALISTIC, contradicts_precision(found, facts.ground.checked)
     good = largest <= CLASSES[1][0] and not rare
     level = "poor" if doubts or grave or (pixel and good_for is None) else "good" if good else "fair"
-    return Verdict(level=level, sentence=_accuracy_sentence(found, largest, good_for, grave or rare), weighs=True)
+    alone = wrong_alone(facts.ground.of_role("check"), facts.ground.checked)
+    return Verdict(level=level, sentence=_accuracy_sentence(found, largest, good_for, grave or rare, alone), weighs=True)
 
 
-def _accuracy_sentence(found: Accuracy, largest: float, good_for: str | None, contradicted: bool) -> str:
+def _accuracy_sentence(
+    found: Accuracy, largest: float, good_for: str | None, contradicted: bool, alone: tuple[GroundResidual, Accuracy] | None
+) -> str:
     formal = "" if found.points >= FORMAL else f"; a formal statement needs {FORMAL}"
     reached = f"it meets the class for {good_for}" if good_for else "it meets no mapping class (3 pixels)"
     expected = f", {found.by_predicted:.1f} times what the adjustment predicts" if contradicted else ""
     # Without tie points nobody knows how large a pixel is on the ground, and no class follows.
     classed = "" if isnan(largest) else f"; with {largest:.1f} ground pixels {reached}"
+    others = (
+        f"; without {alone[0].name}, which is wrong by itself: {length(alone[1].plan)} and {length(alone[1].height)}, "
+        f"{alone[1].by_predicted:.1f} times"
+        if alone
+        else ""
+    )
     return (
         f"The block at {_points(found.points)}: {length(found.plan)} in plan and {length(found.height)} in height{expected}"
-        f"{classed}{formal}."
+        f"{others}{classed}{formal}."
     )
 
 

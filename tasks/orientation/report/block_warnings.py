@@ -12,7 +12,7 @@ from orthomill.schemas.orientation import GroundResidual
 from orthomill.tasks.adjustment.testing.adjustment_result import ObservationKind
 from orthomill.tasks.imagery.photograph_rows import rows_of_photos
 from orthomill.tasks.orientation.examined.block_facts import CELLS, Facts, filled_areas, told_findings
-from orthomill.tasks.orientation.examined.block_numbers import accuracy, contradicts_precision, framed_control
+from orthomill.tasks.orientation.examined.block_numbers import accuracy, contradicts_precision, framed_control, wrong_alone
 from orthomill.tasks.orientation.examined.photographed_surface import coverage
 from orthomill.tasks.orientation.interchange.foreign_block import MIRRORED
 from orthomill.tasks.orientation.report.camera_warnings import camera_warnings
@@ -100,8 +100,19 @@ def _control_warnings(facts: Facts) -> Iterator[str]:
 
 def _contradicting_checks(facts: Facts) -> Iterator[str]:
     """Check points that are, all together, farther from the block than it predicts, although none stands out."""
-    found = accuracy(facts.ground.of_role("check"))
-    if found and contradicts_precision(found, facts.ground.checked):
+    checks = facts.ground.of_role("check")
+    found = accuracy(checks)
+    if found is None or not contradicts_precision(found, facts.ground.checked):
+        return
+    if alone := wrong_alone(checks, facts.ground.checked):
+        point, others = alone
+        x, y, z = point.difference
+        yield (
+            f"The check point {point.name} contradicts the block, by {x:+.2f}, {y:+.2f}, {z:+.2f} m, and is alone with that: the "
+            f"other {others.points} differ by {others.by_predicted:.1f} times what the adjustment predicts for them. Compare its "
+            "coordinates and its marks. It is counted until it is left out."
+        )
+    else:
         yield (
             f"The check points differ from the block by {found.by_predicted:.1f} times what the adjustment predicts for them, all "
             "taken together, and chance does not make that: their survey, that of the control, the marks or the model of the "
@@ -123,6 +134,9 @@ def _unused(point: ControlPoint) -> str:
 def _doubtful_points(facts: Facts, surveyed: list[ControlPoint], compared: dict[str, GroundResidual]) -> Iterator[str]:
     """Points that differ from the block, although the blunder tests kept them."""
     tested = [point for point in surveyed if _took_part(compared.get(point.name)) and point.name not in facts.precision.blunders]
+    # A check point that is wrong by itself has a sentence of its own.
+    alone = wrong_alone(facts.ground.of_role("check"), facts.ground.checked)
+    tested = [point for point in tested if alone is None or point.name != alone[0].name]
     doubtful = [f"{point.role} point {point.name}" for point in tested if _differs(compared[point.name])]
     if len(doubtful) == 1:
         yield f"The {doubtful[0]} differs from the block by more than four times the predicted standard error; it may be wrong."

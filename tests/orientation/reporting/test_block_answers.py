@@ -72,3 +72,19 @@ def test_check_points_that_chance_does_not_explain_are_told_and_make_no_good_blo
     assert (f"{times:.1f} times what the adjustment predicts" in verdict.sentence) == contradicted
     assert ("chance does not make that" in warnings) == contradicted
     assert verdict.level == ("fair" if contradicted else "good")
+
+
+def test_one_wrong_check_point_is_named_and_the_others_are_told_apart(facts, monkeypatch):
+    """A public survey has a point that is 5 m off: thirty times what is predicted, and nothing wrong with the block."""
+    monkeypatch.setattr("orthomill.tasks.orientation.report.block_answers.ground_pixel", lambda facts: 1.0)
+    good = tuple(residual((0.05, -0.05, 0.05)).model_copy(update={"name": f"P{k}"}) for k in range(4))
+    wrong = residual((0.8, -2.0, -5.1)).model_copy(update={"name": "P9"})
+    checked = JointTest(square=4000.0, coordinates=15, chance=0.0)
+    told = replace(facts, ground=facts.ground.model_copy(update={"points": (*good, wrong), "checked": checked}))
+    verdict, warnings = block_verdict(told, ()), list(block_warnings(told))
+    assert "without P9, which is wrong by itself: 71 mm and 50 mm, 0.5 times" in verdict.sentence and verdict.level == "poor"
+    (sentence,) = [text for text in warnings if "P9" in text]
+    assert "by +0.80, -2.00, -5.10 m, and is alone with that: the other 4 differ by 0.5 times" in sentence
+    two = (*good, wrong, wrong.model_copy(update={"name": "P10"}))
+    several = replace(told, ground=told.ground.model_copy(update={"points": two}))
+    assert "wrong by itself" not in block_verdict(several, ()).sentence
