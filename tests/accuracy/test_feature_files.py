@@ -72,6 +72,15 @@ def test_what_cannot_be_read_is_said_in_one_sentence(tmp_path, name, text):
         read_features(tmp_path / name, "EPSG:32634")
 
 
+def test_coordinates_of_a_map_in_a_file_of_degrees_are_named_as_that(tmp_path):
+    path = tmp_path / "field.geojson"
+    ring = [[351250, 512900], [351330, 512900], [351330, 512950], [351250, 512900]]
+    shape = {"type": "Feature", "properties": {"name": "field"}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [shape]}))
+    with pytest.raises(WorkflowError, match=r"field lies nowhere in EPSG:27700.*longitude and latitude"):
+        read_features(path, "EPSG:27700")
+
+
 def test_answers_without_a_value_stay_empty(tmp_path):
     assert "a,height,1.5,,m" in answers_csv(ANSWERS)
     write_answers(tmp_path / "a.json", ANSWERS, FEATURES, "EPSG:32634")

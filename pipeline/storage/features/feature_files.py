@@ -23,7 +23,12 @@ def read_features(path: Path, crs: str) -> tuple[DrawnFeature, ...]:
     if not found:
         raise WorkflowError(f"{path} holds no points, lines or polygons.")
     for feature in found:
-        if not np.isfinite(feature.places).all() or len(feature.places) < {"point": 1, "line": 2, "polygon": 3}[feature.kind]:
+        if not np.isfinite(feature.places).all():
+            raise WorkflowError(
+                f"{path}: {feature.name} lies nowhere in {crs}: its coordinates are not of the system that the file has. A GeoJSON "
+                'file without "crs" is in longitude and latitude; name the system in it, or give a GeoPackage.'
+            )
+        if len(feature.places) < {"point": 1, "line": 2, "polygon": 3}[feature.kind]:
             raise WorkflowError(f"{path}: {feature.name} is no {feature.kind}; it has {len(feature.places)} places.")
     return found
 

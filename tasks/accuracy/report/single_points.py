@@ -5,8 +5,7 @@ One wrong point of six makes differences thirty times as large as promised, and 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-
-import numpy as np
+from math import sqrt
 
 from orthomill.schemas.accuracy.accuracy_statement import AccuracyKind
 from orthomill.schemas.accuracy.point_tests import HeightTest, PointTest, PointTests
@@ -37,7 +36,7 @@ def single_points(tests: PointTests, kind: AccuracyKind) -> tuple[SinglePoint, .
     ]
     found = tuple(one for one in known if one.times > ALONE)
     rest = [one.times for one in known if one.times <= ALONE]
-    if len(found) * _MOST > len(known) or not rest or np.sqrt(np.mean(np.square(rest))) > REALISTIC:
+    if len(found) * _MOST > len(known) or not rest or sqrt(sum(times**2 for times in rest) / len(rest)) > REALISTIC:
         return ()
     return found
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from orthomill.schemas.findings.contradiction_findings import PositionsDrift
 from orthomill.schemas.orientation import PositionDrift
@@ -53,7 +53,7 @@ def drift_findings(drifts: tuple[PositionDrift, ...], stated: np.ndarray, names:
     """The drifts that chance does not make and that exceed what is stated of the positions (P, 3) m."""
     tests = max(3 * len(drifts), 1)
     for drift in drifts:
-        limit = float(student.isf(0.5 * CHANCE / tests, max(drift.freedom, 1.0)))
+        limit = -float(stdtrit(max(drift.freedom, 1.0), 0.5 * CHANCE / tests))
         own = np.nanmedian(stated[np.isin(names, drift.photos)], axis=0)
         rows = zip(drift.value, drift.sigma, own, strict=True)
         if any(v is not None and s is not None and abs(v) > max(limit * s, of) for v, s, of in rows):
