@@ -17,6 +17,7 @@ from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
 from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_files import keep
+from orthomill.pipeline.storage.depots.side_by_side import side_by_side
 from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
 from orthomill.pipeline.storage.image_files import header_or_fault, picture_fault, read_pixels
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
@@ -166,7 +167,7 @@ def _perform(work: JobOrder) -> Left:
         export(work.job, store, store.depot)
         return Left({}, keep(store.depot, [work.job.path]))
     job = work.job
-    inputs = {name: read_all(reading, lambda region: _read(store, work, region)) for name, reading in job.reads.items()}
+    inputs = {name: _input(store, work, reading) for name, reading in job.reads.items()}
     with opencv_on_one_thread():  # until all is written: a result may be computed while it is
         values = results_by_name(job.function(**inputs, **job.params), job)
         if set(values) != set(job.writes):
@@ -176,6 +177,16 @@ def _perform(work: JobOrder) -> Left:
     births = {region.name: store.birth(region.name) for region in job.writes.values() if isinstance(region, Raster)}
     files = (name for region in job.writes.values() for name in store.files(region))
     return Left(births, keep(store.depot, files, store.written))
+
+
+def _input(store: Store, work: JobOrder, reading: Reading) -> Any:
+    def read(region: Region) -> Any:
+        return _read(store, work, region)
+
+    # All values of a tuple are held at the end, so that several on their way at a time take no more memory; of a stream they would.
+    if isinstance(reading, tuple) and all(isinstance(region, (Raster, Table)) for region in reading):
+        return tuple(side_by_side(store.depot, read, reading))
+    return read_all(reading, read)
 
 
 def results_by_name(result: Any, job: Job) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from orthomill.pipeline.storage.chunk_codec import UnknownCodec
 from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import depot_of
+from orthomill.pipeline.storage.depots.side_by_side import side_by_side
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
 from orthomill.pipeline.storage.table_files import read_table, write_table
@@ -164,15 +165,23 @@ class Store:
             raise StoreError(f"{window} extends beyond the raster {name} of shape {array.shape}; clip it first.")
         try:
             values = np.full(window.shape + array.shape[2:], array.codec.fill, array.codec.dtype)
-            for file, chunk in self._chunks(name, array, window):
-                with suppress(FileNotFoundError):  # nothing but its fill value
+            chunks = list(self._chunks(name, array, window))
+            contents = side_by_side(self.depot, self._content, [file for file, _ in chunks])
+            for (_, chunk), content in zip(chunks, contents, strict=True):
+                if content is not None:  # else nothing but its fill value
                     both = window.overlap(chunk)
-                    values[both.within(window).slices] = array.codec.decode(self.depot.get(file))[both.within(chunk).slices]
+                    values[both.within(window).slices] = array.codec.decode(content)[both.within(chunk).slices]
         except UnknownCodec as error:
             raise StoreError(f"The raster {name} cannot be read: {error}; remove it, and it is computed again.") from error
         except (ValueError, RuntimeError) as error:  # a wrong checksum, and the word of the decompressor
             raise StoreError(f"The raster {name} is damaged in {window}; run again, and it is computed again.") from error
         return values
+
+    def _content(self, name: str) -> bytes | None:
+        try:
+            return self.depot.get(name)
+        except FileNotFoundError:
+            return None
 
     def write(self, name: str, window: Window, values: np.ndarray) -> None:
         """Write whole chunks. Raises StoreError for windows that cut a chunk and for values of another shape or kind."""

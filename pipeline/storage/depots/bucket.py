@@ -36,6 +36,7 @@ class Bucket:
     """A prefix of an object store, for the results of one run."""
 
     longest_log: int | None = 64 * 2**10
+    at_once = 8
 
     def __init__(self, address: str, store: Any) -> None:
         self.address = address

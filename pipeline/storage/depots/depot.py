@@ -40,6 +40,10 @@ class Depot(Protocol):
     def longest_log(self) -> int | None:
         """Bytes after which a log goes on under another name, since every line writes all of it; None where lines are appended."""
 
+    @property
+    def at_once(self) -> int:
+        """Requests that it answers at a time, where an answer is waited for: 1 for a disk."""
+
     def __hash__(self) -> int:
         """What was read is kept in memory by depot, name and state."""
 

@@ -25,6 +25,7 @@ class Folder:
     """The folder of a run."""
 
     longest_log: int | None = None
+    at_once = 1
 
     def __init__(self, path: Path) -> None:
         self.path = Path(path)
