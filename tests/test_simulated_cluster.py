@@ -1,10 +1,13 @@
 """The simulation of clusters: cases whose outcome is known without it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from benchmarks.scale.recorded_layout import JOINING, Layout, enlarged, with_parts
+from benchmarks.scale.recorded_layout import JOINING, NOT_GROWING, Layout, enlarged, with_parts
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
+from orthomill.tasks.accuracy.promises import disjoint_photographs
 
 IDEAL = Cluster(1, dispatch=0.0, engine=0.0, latency=0.0)
 
@@ -14,7 +17,13 @@ def jobs_of(seconds: list[float], *before: tuple[int, ...]) -> Jobs:
     waits = [*before, *[()] * (len(seconds) - len(before))]
     count = np.zeros(len(seconds), int)
     first = np.concatenate(([0], np.cumsum([len(one) for one in waits])))
-    return Jobs(np.array(seconds), count, count, count * 1.0, first, np.array([one for found in waits for one in found], int))
+    after = np.array([one for found in waits for one in found], int)
+    return Jobs(np.array(seconds), count, count, count * 1.0, first, after, count > 0)
+
+
+def layout_of(jobs: Jobs, once: list[bool]) -> Layout:
+    """A block of 10 Mpx."""
+    return Layout(10.0, 512, jobs, np.array(once), 0.0, np.ones(len(once), bool))
 
 
 def test_independent_jobs_share_the_workers():
@@ -46,9 +55,11 @@ def test_what_the_scheduler_does_not_hold_cannot_begin():
 
 def test_requests_take_their_time_and_refused_ones_more():
     jobs = jobs_of([1.0])._replace(reads=np.array([3]), writes=np.array([1]), bytes=np.array([50.0]))
-    cluster = IDEAL._replace(latency=0.5, bandwidth=100.0)
+    cluster = IDEAL._replace(latency=0.5, bandwidth=100.0, at_once=1)
     assert simulated(jobs, cluster).clock == 1.0 + 4 * 0.5 + 0.5
     assert simulated(jobs, cluster._replace(refused=1.0, pause=2.0)).clock == 3.5 + 4 * 2.0
+    assert simulated(jobs, cluster._replace(at_once=8)).clock == 1.0 + 2 * 0.5 + 0.5
+    assert simulated(jobs._replace(streamed=np.array([True])), cluster._replace(at_once=8)).clock == 3.5
 
 
 def test_workers_that_are_taken_away_do_their_jobs_anew():
@@ -59,10 +70,28 @@ def test_workers_that_are_taken_away_do_their_jobs_anew():
     assert stormy == simulated(jobs, calm._replace(life=100.0, absence=5.0)) and stormy.lost > 0
 
 
+def test_a_job_longer_than_its_workers_live_begins_anew_again_and_again_until_it_is_given_up():
+    stormy = IDEAL._replace(workers=10, life=10.0, absence=0.0)
+    # A job as long as a worker lives on average takes (e - 1) of its time until one lives long enough.
+    assert simulated(jobs_of([10.0] * 4000), stormy._replace(workers=1)).clock / 40e3 == pytest.approx(np.e - 1, rel=0.1)
+    assert simulated(jobs_of([10.0] * 4000), stormy).given_up == 0
+    assert simulated(jobs_of([1000.0]), stormy).given_up == 1
+
+
+def test_what_has_an_end_does_not_grow_with_the_project():
+    layout = layout_of(jobs_of([1.0, 10.0], (), (0,)), [False, True])
+    bounded = replace(layout, growing=np.array([True, False]))
+    assert [simulated(enlarged(one, 40.0, 512), IDEAL._replace(workers=4)).clock for one in (layout, bounded)] == [41.0, 11.0]
+
+
+def test_functions_that_do_not_grow_are_functions():
+    assert set(vars(disjoint_photographs)) >= NOT_GROWING
+
+
 def test_a_project_of_four_blocks_waits_for_what_is_made_once():
     """Two tiles, one adjustment of both, two tiles that wait for it."""
     jobs = jobs_of([1.0, 1.0, 4.0, 1.0, 1.0], (), (), (0, 1), (2, 0), (2, 1))
-    layout = Layout(10.0, 512, jobs, np.array([False, False, True, False, False]), 0.0)
+    layout = layout_of(jobs, [False, False, True, False, False])
     whole = enlarged(layout, 40.0, 512)
     assert len(whole.seconds) == 4 * 4 + 1 and whole.seconds.sum() == 4 * jobs.seconds.sum()
     assert simulated(whole, IDEAL._replace(workers=8)).clock == 1.0 + 16.0 + 1.0
@@ -73,7 +102,7 @@ def test_a_project_of_four_blocks_waits_for_what_is_made_once():
 def test_a_large_file_is_a_part_for_each_block_and_a_job_that_joins_them():
     """A tile, a file of it, and a job that reads the file."""
     jobs = jobs_of([1.0, 10.0, 1.0], (), (0,), (1,))
-    layout = Layout(10.0, 512, jobs, np.array([False, True, True]), 0.0)
+    layout = layout_of(jobs, [False, True, True])
     assert simulated(enlarged(layout, 40.0, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
     parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 512)
     assert simulated(parted, IDEAL._replace(workers=8)).clock == pytest.approx(1.0 + 10.0 + 40.0 * JOINING + 4.0)

@@ -13,6 +13,7 @@ from benchmarks.instrument.result_page import write_page
 from benchmarks.scale.recorded_layout import JOINING, Layout, enlarged, layout_of
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
 from orthomill.pipeline.engine.workers.order_batches import seconds_of_task
+from orthomill.pipeline.storage.depots.bucket import Bucket
 
 DISPATCH, ENGINE = 0.0045, 0.007
 """CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
@@ -60,10 +61,11 @@ def page(name: str, layout: Layout) -> str:
         "",
         f"Jobs of `{name}` ({layout.megapixels:.0f} Mpx, {len(layout.once)} jobs, {layout.core_seconds:.1f} core-s per Mpx on the "
         "machine above), repeated side by side; what a project has once (its adjustment, files that are exported) takes as much "
-        "longer as the project is larger. GeoTIFFs and point clouds of rasters are a part a block, and a job that joins them, "
-        f"which takes {100 * JOINING:.0f} % of the parts. The scheduler is busy for {1000 * DISPATCH:.1f} ms with every task, "
-        "which is a job or several short ones, a worker for "
-        f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, a worker reads and writes 100 MB/s. An order of "
+        "longer as the project is larger, but for jobs whose work has an end (samples). GeoTIFFs and point clouds of rasters are a "
+        f"part a block, and a job that joins them, which takes {100 * JOINING:.0f} % of the parts. The scheduler is busy for "
+        f"{1000 * DISPATCH:.1f} ms with every task, which is a job or several short ones, a worker for "
+        f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, and a worker reads and writes 100 MB/s. "
+        f"{Bucket.at_once} objects are read at a time, but for files and streams. An order of "
         "magnitude, not a promise: real blocks differ by a factor of two or so.",
         "",
         "## What an office asks",
@@ -93,8 +95,11 @@ def page(name: str, layout: Layout) -> str:
         "",
         f"{COUNTY.name}, tiles of 2048 px, 100 workers.",
         "",
-        "| circumstance | hours | longer by, % | done twice, core-hours |",
-        "| --- | --- | --- | --- |",
+        "A job that is longer than its worker lives begins anew again and again, and is given up after 20 workers; the hours are "
+        "then those of a run that had its result.",
+        "",
+        "| circumstance | hours | longer by, % | done twice, core-hours | jobs given up |",
+        "| --- | --- | --- | --- | --- |",
         *_failures(layout),
     ]
     return "\n".join(lines)
@@ -159,4 +164,4 @@ def _failures(layout: Layout) -> list[str]:
 def _failed(name: str, jobs: Jobs, cluster: Cluster, undisturbed: Outcome) -> str:
     outcome = simulated(jobs, cluster)
     longer = 100 * (outcome.clock / undisturbed.clock - 1)
-    return f"| {name} | {outcome.clock / 3600:.2f} | {longer:.0f} | {outcome.lost / 3600:.1f} |"
+    return f"| {name} | {outcome.clock / 3600:.2f} | {longer:.0f} | {outcome.lost / 3600:.1f} | {outcome.given_up} |"

@@ -1,8 +1,9 @@
 """Jobs of a run on a cluster that does not exist: workers, a scheduler that starts one job after another, a store, and failures.
 
 List scheduling, as the engine does it: jobs are handed over in the order of the plan, as many as the scheduler holds at a time;
-those that wait for nothing start in that order. A job asks the store for each object that it reads and writes, one after the other;
-a request that fails is repeated after a pause. A worker that is taken away comes back after a while, and its job begins anew.
+those that wait for nothing start in that order. A job asks the store for the objects that it reads several at a time, or one after
+the other where it reads a stream; it writes one after the other. A request that fails is repeated after a pause. A worker that is
+taken away comes back after a while, and its job begins anew: as often as it takes, or until the run gives the job up.
 """
 
 from heapq import heappop, heappush
@@ -12,11 +13,12 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.pipeline.engine.workers.order_batches import MOST
+from orthomill.pipeline.storage.depots.bucket import Bucket
 
 
 class Jobs(NamedTuple):
     """In the order of the plan. `seconds`, `reads`, `writes` (objects), `bytes`: (N,); the jobs that job n waits for are
-    before[first[n] : first[n + 1]]."""
+    before[first[n] : first[n + 1]]; `streamed` (N,): whether it reads one object after the other."""
 
     seconds: np.ndarray
     reads: np.ndarray
@@ -24,6 +26,7 @@ class Jobs(NamedTuple):
     bytes: np.ndarray
     first: np.ndarray
     before: np.ndarray
+    streamed: np.ndarray
 
 
 class Cluster(NamedTuple):
@@ -43,17 +46,22 @@ class Cluster(NamedTuple):
     life: float = np.inf
     absence: float = 120.0
     together: float = 0.0
+    at_once: int = Bucket.at_once
+    """objects that a job reads at a time"""
+    deaths: int = 20
+    """workers of a job that may die before it is given up, as the run does where Dask has its own settings"""
 
 
 class Outcome(NamedTuple):
     """`clock`: s from begin to end; `work`: s of the jobs alone; `busy`: share of `clock` in which the scheduler was; `lost`: s of
-    work that was done twice; `longest`: s of the longest job."""
+    work that was done twice; `longest`: s of the longest job; `given_up`: jobs whose workers died again and again."""
 
     clock: float
     work: float
     busy: float
     lost: float
     longest: float
+    given_up: int
 
     def efficiency(self, workers: int) -> float:
         """Share of the workers' time that went into jobs."""
@@ -63,18 +71,32 @@ class Outcome(NamedTuple):
 def simulated(jobs: Jobs, cluster: Cluster, seed: int = 0) -> Outcome:
     """What a run of these jobs takes there. The same seed gives the same outcome."""
     random = np.random.default_rng(seed)
-    requests = jobs.reads + jobs.writes
-    seconds = jobs.seconds + cluster.engine + requests * cluster.latency + jobs.bytes / cluster.bandwidth
-    seconds += random.binomial(requests, cluster.refused) * cluster.pause
-    # Whether its worker is taken away while it runs, and when: at most once a job, for jobs are short beside a worker's life.
-    until = random.exponential(cluster.life, len(seconds)) if np.isfinite(cluster.life) else np.full(len(seconds), np.inf)
+    requests, beside = jobs.reads + jobs.writes, np.where(jobs.streamed, 1, cluster.at_once)
+    seconds = jobs.seconds + cluster.engine + jobs.bytes / cluster.bandwidth
+    seconds += (np.ceil(jobs.reads / beside) + jobs.writes) * cluster.latency
+    seconds += random.binomial(requests, cluster.refused) * cluster.pause / np.minimum(beside, np.maximum(requests, 1))
+    deaths, lost = _lost(seconds, cluster, random)
     followers, after = _followers(jobs)
     dispatch = cluster.dispatch / np.clip(cluster.together / np.maximum(seconds, 1e-3), 1.0, MOST)
-    clock, busy = _played(
-        seconds, until, np.diff(jobs.first), followers, after, cluster.workers, dispatch, cluster.held, cluster.absence
-    )
-    lost = float(until[until < seconds].sum())
-    return Outcome(clock, float(jobs.seconds.sum()), busy / clock, lost, float(jobs.seconds.max()))
+    spent = seconds + lost + deaths * cluster.absence
+    clock, busy = _played(spent, np.diff(jobs.first), followers, after, cluster.workers, dispatch, cluster.held)
+    given_up = int((deaths > cluster.deaths).sum())
+    return Outcome(clock, float(jobs.seconds.sum()), busy / clock, float(lost.sum()), float(jobs.seconds.max()), given_up)
+
+
+def _lost(seconds: np.ndarray, cluster: Cluster, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """How often the worker of each job (N,) is taken away while it runs, and the s of work (N,) that are lost by that."""
+    deaths, lost = np.zeros(len(seconds), int), np.zeros(len(seconds))
+    if not np.isfinite(cluster.life):
+        return deaths, lost
+    running = np.arange(len(seconds))
+    while len(running) and deaths.max() <= cluster.deaths:
+        until = random.exponential(cluster.life, len(running))
+        cut = until < seconds[running]
+        running, until = running[cut], until[cut]
+        deaths[running] += 1
+        lost[running] += until
+    return deaths, lost
 
 
 def _followers(jobs: Jobs) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +109,7 @@ def _followers(jobs: Jobs) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
-def _played(seconds, until, missing, followers, after, workers, dispatch, held, absence):  # type: ignore[no-untyped-def]
+def _played(seconds, missing, followers, after, workers, dispatch, held):  # type: ignore[no-untyped-def]
     """(clock, seconds for which the scheduler was busy). `missing`: of how many jobs each one waits."""
     count = len(seconds)
     missing = missing.copy()
@@ -104,8 +126,7 @@ def _played(seconds, until, missing, followers, after, workers, dispatch, held, 
             next_start = max(now, next_start) + dispatch[job]
             busy += dispatch[job]
             free -= 1
-            spent = seconds[job] if until[job] >= seconds[job] else until[job] + absence + seconds[job]
-            heappush(ends, (next_start + spent, job))
+            heappush(ends, (next_start + seconds[job], job))
         now, job = heappop(ends)
         free += 1
         ended += 1
