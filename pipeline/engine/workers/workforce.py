@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from orthomill.pipeline.engine.dask_cluster import LOST, objections
+from orthomill.pipeline.engine.workers.lost_workers import LostWorkers
 from orthomill.pipeline.engine.workers.worker_terms import Terms
 from orthomill.schemas.errors import ResourceError
 from orthomill.schemas.memory import MIB
@@ -36,6 +37,7 @@ class Workforce:
         """bytes of every worker that was there at the last look"""
         self._dismissed: set[str] = set()
         self._at_work = self._looked = time.monotonic()
+        self._lost = LostWorkers(self._at_work)
         self._told = False
 
     @property
@@ -83,6 +85,7 @@ class Workforce:
     def ended(self) -> None:
         """A job has ended: somebody is at work."""
         self._at_work, self._told = time.monotonic(), False
+        self._lost.ended(self._at_work)
 
     @property
     def due(self) -> bool:
@@ -92,7 +95,8 @@ class Workforce:
     def look(self, needed: int) -> bool:
         """While jobs are waited for, of which the largest needs so many bytes: whether all of them should be handed out again.
 
-        Raises ResourceError when nobody has been at work for very long: what is waited for would never be done.
+        Raises ResourceError when nobody has been at work for very long, or whoever was has died at it: what is waited for would
+        never be done.
         """
         now = time.monotonic()
         self._looked = now
@@ -100,8 +104,10 @@ class Workforce:
         # When the scheduler is lost, all futures are cancelled, and that is what the run ends with.
         with suppress(*LOST):
             workers = self._update()
+            self._lost.seen(set(workers), self._busy(workers))
             if now - self._at_work > LOOKED and (state := self._idle(workers, needed)) is None:
-                self.ended()
+                self._at_work, self._told = time.monotonic(), False
+        self._lost.check(now, self._patience)
         idle = now - self._at_work
         if idle > self._patience:
             raise ResourceError(
@@ -122,6 +128,11 @@ class Workforce:
         # Dask counts no limit as 0.
         self._room = {address: about.get("memory_limit") or float("inf") for address, about in workers.items()}
         return workers
+
+    def _busy(self, workers: dict[str, Any]) -> frozenset[str]:
+        """Those that have been given a job."""
+        given = self._client.processing(workers=list(workers)) if workers else {}
+        return frozenset(address for address, jobs in given.items() if jobs)
 
     def _idle(self, workers: dict[str, Any], needed: int) -> str | None:
         """Why nobody does anything, None where somebody does."""

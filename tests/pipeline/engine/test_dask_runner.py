@@ -236,7 +236,7 @@ def test_a_taken_port_gives_way_to_the_next_free_one():
 class Watched(Client):
     """No job ends by itself; at each look its workers are as the next description says, and at all later ones as the last."""
 
-    def __init__(self, *looks: dict[str, dict], given: bool = False) -> None:
+    def __init__(self, *looks: dict[str, dict], given: bool | tuple[str, ...] = False) -> None:
         super().__init__()
         self.looks, self.given, self.retired = list(looks), given, []
 
@@ -249,7 +249,7 @@ class Watched(Client):
         return {"workers": self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]}
 
     def processing(self, workers):
-        return dict.fromkeys(workers, ("job",) if self.given else ())
+        return {worker: ("job",) if self.given is True or (self.given and worker in self.given) else () for worker in workers}
 
     def retire_workers(self, workers, close_workers):
         self.retired += workers
@@ -298,6 +298,22 @@ def test_workers_that_compute_are_waited_for(waiting_for, look):
     client = Watched(*[look] * 100, {}, given=True)
     said, _ = waiting_for(client)
     assert client.looks == [{}] and len(said) == 1 and "there is none" in said[0], "given up only after they had gone"
+
+
+def test_a_run_whose_workers_die_at_every_job_is_given_up(waiting_for):
+    others = [{f"worker-{number}": RUNNING} for number in range(200)]
+    client = Watched(*others, given=True)
+    said, given_up = waiting_for(client)
+    assert "No job has ended for 10 minutes" in given_up and "workers died at work since" in given_up and not said
+    assert 20 < len(client.looks) < 180, "neither at once nor at the end"
+
+
+def test_workers_that_die_while_another_one_computes_are_not_the_reason(waiting_for):
+    # The one with the long job lives; the others had nothing to do.
+    busy = {**RUNNING, "metrics": {"task_counts": {"executing": 1}}}
+    client = Watched(*[{"long": busy, f"worker-{number}": RUNNING} for number in range(200)], {}, given=("long",))
+    _, given_up = waiting_for(client)
+    assert client.looks == [{}] and "there is none" in given_up
 
 
 def test_jobs_are_handed_out_again_when_the_workers_with_memory_for_them_have_gone(waiting_for):
