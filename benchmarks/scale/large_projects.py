@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from benchmarks.instrument.result_page import write_page
 from benchmarks.scale.recorded_layout import JOINING, Layout, enlarged, layout_of
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
+from orthomill.pipeline.engine.dask_runner import tasks_held
 from orthomill.pipeline.engine.workers.order_batches import seconds_of_task
 from orthomill.pipeline.storage.depots.bucket import Bucket
 
@@ -117,7 +118,7 @@ CLUSTERS = (
 
 
 def _cluster(workers: int) -> Cluster:
-    return Cluster(workers, DISPATCH, ENGINE, together=seconds_of_task(workers))
+    return Cluster(workers, DISPATCH, ENGINE, held=tasks_held(workers), together=seconds_of_task(workers))
 
 
 def _asked(project: Project, layout: Layout, tile: int) -> str:

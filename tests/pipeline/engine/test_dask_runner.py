@@ -98,6 +98,7 @@ def test_two_runs_on_one_cluster_do_not_share_keys(runner_of):
 
 def test_the_scheduler_holds_no_more_jobs_than_a_wave_and_gets_the_next_when_one_ends(runner_of, monkeypatch):
     monkeypatch.setattr(runner_module, "WAVE", 3)
+    monkeypatch.setattr(runner_module, "EACH", 1)
     runner = runner_of(*"abcdefg")
     assert [key[1] for key, _, _ in runner.client.submitted] == ["a", "b", "c"] and runner.busy
     ended = []
@@ -109,8 +110,21 @@ def test_the_scheduler_holds_no_more_jobs_than_a_wave_and_gets_the_next_when_one
     assert waits["d"] == ["c"], "c was still with the scheduler"
 
 
+def test_a_scheduler_of_many_workers_holds_more(runner_of, monkeypatch):
+    monkeypatch.setattr(runner_module, "WAVE", 1)
+    monkeypatch.setattr(runner_module, "EACH", 2)
+    runner = runner_of()
+    runner.workforce.has_only("tcp://one:1", 2**40)
+    runner.workforce.has_only("tcp://two:1", 2**40)
+    for item in "abcdefg":
+        job = Job(stage="a", item=item, function=make_size, reads={}, writes={"size": SIZE})
+        runner.submit(JobOrder(job, Path(), Path(), PRINT, ""), (), 7)
+    assert [key[1] for key, _, _ in runner.client.submitted] == ["a", "b", "c", "d"]
+
+
 def test_jobs_behind_the_wave_are_blocked_by_a_failure_in_it(runner_of, monkeypatch):
     monkeypatch.setattr(runner_module, "WAVE", 1)
+    monkeypatch.setattr(runner_module, "EACH", 1)
     runner = runner_of("one", "two", "three", one=failed("one"))
     assert [(ended.key[1], ended.status) for ended in (runner.next(), runner.next(), runner.next())] == [
         ("one", "failed"),
