@@ -4,6 +4,7 @@ The bounds follow from the geometry: a pixel is 0.65 m on the ground, base over 
 height; heights better than a third of that, plan better than half a pixel, and nothing worse than three of its own standard errors.
 """
 
+import json
 import re
 import shutil
 from html.parser import HTMLParser
@@ -17,7 +18,9 @@ from simulated_run import PROJECT, Run
 from small_site import command, command_in, results_of
 
 from orthomill.pipeline.records.records import Records
+from orthomill.pipeline.storage.features.outline_files import read_outlines
 from orthomill.schemas.bare_ground import CellClass
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.surface import MEASURED
 
@@ -38,6 +41,7 @@ STAGES = (
     "accuracy",
     "evaluation",
 )
+CRS = "EPSG:2100"
 PARALLAX_HEIGHT = 1.17
 """m of height that a pixel of parallax is worth"""
 
@@ -132,6 +136,13 @@ def test_heights_of_roofs(figures):
 
 def test_water_stays_empty_rather_than_guessed(figures):
     assert figures["evaluation.dsm_water_left_empty"] >= 50
+
+
+def test_what_looks_like_water_has_a_file_that_can_be_taken_over_as_outlines(run):
+    # The pond of this scene is narrower than what "far and wide" means: nothing is named, and a layer without areas says so.
+    assert json.loads((run.folder / "tables" / "densification" / "water_places.json").read_text())["places"] == []
+    with pytest.raises(WorkflowError, match="no polygon"):
+        read_outlines(run.folder / "products" / "water_candidates.gpkg", CRS)
 
 
 def test_the_check_raises_no_false_alarm(figures):

@@ -25,7 +25,7 @@ from orthomill.tasks.densification.plan.pair_jobs import matching_table, pair_pl
 from orthomill.tasks.densification.plan.strategy_jobs import strategy_plan
 from orthomill.tasks.densification.plan.surface_jobs import CELLS, TIES, SurfacePlan, SurfaceSource
 from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT, JUDGEMENT, volume_plan
-from orthomill.tasks.densification.plan.water_jobs import WATER, WATER_OUTLINES, outlines_job, water_plan
+from orthomill.tasks.densification.plan.water_jobs import WATER, WATER_OUTLINES, WATER_PLACES, outlines_job, place_plan, water_plan
 from orthomill.tasks.densification.report.densification_report import report
 from orthomill.tasks.densification.report.guided_report import guided_report
 from orthomill.tasks.densification.report.line_report import line_report
@@ -104,11 +104,12 @@ def _object_space(asked: DensificationStage, view: ProjectView, surface: Surface
     source = SurfaceSource(make_surface, volume, surface, scene.block.ground_mean, step, matching.pairs.step)
     yield from difference_plan(tiles, source, pairs)
     tables: dict[str, Table[Any]] = {"differences": DIFFERENCES}
+    yield from place_plan(surface, bool(asked.water), asked.kind, view.table(BLOCK).crs)
     if asked.water:
         yield from water_plan(view.table(WATER_OUTLINES), surface.grid, asked.kind)
         tables["water"] = WATER
     yield from tiles.jobs(replace(source, tables=tables), pairs)
-    yield _report_of_pairs(asked, pairs, tables)
+    yield _report_of_pairs(asked, pairs, {**tables, "places": WATER_PLACES})
 
 
 def _pairs_alone(asked: DensificationStage, view: ProjectView, surface: Surface, matching: PairStrategy) -> _Plan:

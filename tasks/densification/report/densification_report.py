@@ -6,7 +6,7 @@ from statistics import median
 
 from orthomill.schemas.epipolar import EpipolarPair, EpipolarPairs
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.stage_report import Chart, Figure, Grid, StageReport
+from orthomill.schemas.stage_report import Chart, Figure, Grid, Product, StageReport
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.matching_block import PRECISION_EDGES, MatchingStatistics
 from orthomill.tasks.densification.precision.class_medians import median_parallax_error
@@ -17,6 +17,7 @@ from orthomill.tasks.densification.strategies.assigned_windows import AssignedWi
 from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
 from orthomill.tasks.densification.water import NO_WATER, WaterLevels
+from orthomill.tasks.densification.water_places import CANDIDATES, NO_PLACES, WaterPlaces
 
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""
@@ -46,10 +47,12 @@ def report(
     differences: MatchingDifferences = NO_DIFFERENCES,
     windows: tuple[AssignedWindows, ...] = (),
     water: WaterLevels = NO_WATER,
+    places: WaterPlaces = NO_PLACES,
     wall_blind: bool = False,
 ) -> StageReport:
     """The report of a surface from pairs; `matching`, and `windows` where a share of the points was to get one, in their order;
-    differences: of those without a common photograph; water: what is outlined; wall_blind: whether windows know no walls."""
+    differences: of those without a common photograph; water: what is outlined; places: what looks like it; wall_blind: whether
+    windows know no walls."""
     whole = surface_report(surface, cells, ties, wall_blind=wall_blind)
     warnings = (*_matching_warnings(pairs, matching), *_water_warnings(water))
     return whole.model_copy(
@@ -58,7 +61,8 @@ def report(
             "figures": (*figures_of(_FIGURES, _matching_values(pairs, matching)), *_compared(differences), *whole.figures),
             "grids": (_pairs_grid(pairs, matching), _outcome_grid(pairs, matching), *_windows_grid(pairs, windows), *whole.grids),
             "charts": (_parallax_chart(matching), *whole.charts),
-            "warnings": (*warnings, *whole.warnings),
+            "products": (*whole.products, *_outlines_of(places)),
+            "warnings": (*warnings, *_place_warnings(places), *whole.warnings),
         }
     )
 
@@ -74,6 +78,23 @@ def _water_warnings(water: WaterLevels) -> Iterator[str]:
         yield (
             f"{water.unknown} of {len(water.levels)} outlines of water have no measured shore: what photographs show inside "
             "is left as it is. Draw them where the land begins."
+        )
+
+
+def _outlines_of(places: WaterPlaces) -> Iterator[Product]:
+    if places.places:
+        yield Product(path=CANDIDATES, purpose="Places that look like water and are not outlined, to be looked at")
+
+
+def _place_warnings(places: WaterPlaces) -> Iterator[str]:
+    if found := places.places:
+        largest = f"{found[0].area:.3g} m² with a shore at {found[0].level:.2f} m"
+        count = f"{len(found)} places look" if len(found) > 1 else "One place looks"
+        yield (
+            f"{count} like water that is not outlined ({'the largest ' if len(found) > 1 else ''}{largest}): photographs "
+            f"contradict each other inside, and all of the shore is at one level. Nothing was levelled. Look at {CANDIDATES}, "
+            "remove what is no water, copy it beside the workflow and name the copy (densification > water): each outline gets "
+            "the level of its shore."
         )
 
 
