@@ -9,7 +9,7 @@ from orthomill.tasks.terrain.ground.bridges import bridge
 from orthomill.tasks.terrain.ground.evened_ground import REACH, ROUNDS, evened
 from orthomill.tasks.terrain.ground.hidden_ground import told_by_ground
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, GroundSamples, learned_errors
-from orthomill.tasks.terrain.ground.mean_value_fill import DIRECTIONS, HALF, GapFill, fill_gaps
+from orthomill.tasks.terrain.ground.mean_value_fill import _UNITS, DIRECTIONS, HALF, QUARTER, GapFill, _summed, fill_gaps
 from orthomill.tasks.terrain.ground.morphological_filter import rings
 
 ROW, COL = np.mgrid[:60, :70].astype(np.float64)
@@ -43,6 +43,32 @@ def test_values_stay_between_those_around():
     z = np.where(gap(), np.nan, np.sin(ROW / 5) + np.cos(COL / 7))
     filled = fill_gaps(z[..., None], ~gap(), gap(), 40).values[..., 0]
     assert np.nanmin(z) - 1e-6 <= filled.min() and filled.max() <= np.nanmax(z) + 1e-6
+
+
+def test_sums_over_the_known_cells_are_those_of_whole_arrays():
+    draw = np.random.default_rng(4)
+    known, values = draw.random((23, 31)) < 0.6, draw.normal(100, 30, (23, 31, 2)).astype(np.float32)
+    row, col = np.indices(known.shape)
+    whole = np.rint(values.astype(np.float64) * _UNITS).astype(np.int64)
+    plain = np.stack([known, known * row, known * col, known * whole[..., 0], known * whole[..., 1]], axis=-1).astype(np.int64)
+    values[~known] = np.nan
+    np.testing.assert_array_equal(_summed(values, known)[1:, 1:], plain.cumsum(axis=0).cumsum(axis=1))
+    assert (_summed(values, known)[0] == 0).all() and (_summed(values, known)[:, 0] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_hole_is_left_where_a_quarter_of_the_directions_finds_nothing_and_filled_as_any_other_elsewhere(seed):
+    draw = np.random.default_rng(seed)
+    known = np.zeros((120, 130), bool)
+    for _ in range(25):
+        row, col, size = (int(draw.integers(*between)) for between in ((0, 110), (0, 120), (1, 20)))
+        known[row : row + size, col : col + size] = True
+    values = draw.normal(0, 1, (*known.shape, 1))
+    free, hole = (fill_gaps(values, known, ~known, 30, holes=holes) for holes in (None, ~known))
+    left = np.isnan(hole.values[..., 0])
+    np.testing.assert_array_equal(hole.values[~left], free.values[~left])
+    # What ends the search runs from the east on and not around the circle: a wider angle is always found, wherever it begins.
+    assert left[free.open_side >= 2 * QUARTER].all() and not left[free.open_side < QUARTER].any() and 0.1 < left.mean() < 0.9
 
 
 def test_a_patch_in_a_large_gap_throws_no_spokes():

@@ -38,11 +38,12 @@ def bridge(
     wanted = np.zeros(ground.shape, bool)
     wanted[core] = ~ground[core]
     # Beyond the surface only holes in it are filled.
-    fill = fill_gaps(corrected, ground, wanted, reach, holes=np.isnan(blocks[..., 1]))
+    whole = fill_gaps(corrected, ground, wanted, reach, holes=np.isnan(blocks[..., 1]))
+    fill, here = GapFill(*(band[core] for band in whole)), ground[core]
     added, error = errors.at(fill)
-    sigma = np.where(ground, corrected[..., 1], np.hypot(fill.values[..., 1], error))
-    bare = np.stack([fill.values[..., 0] + np.where(ground, 0, added), sigma, fill.values[..., 2], fill.values[..., 3]], axis=-1)
-    return BareBlocks(bare[core].astype(np.float32), fill.open_side[core])
+    sigma = np.where(here, corrected[core][..., 1], np.hypot(fill.values[..., 1], error))
+    bare = np.stack([fill.values[..., 0] + np.where(here, 0, added), sigma, fill.values[..., 2], fill.values[..., 3]], axis=-1)
+    return BareBlocks(bare.astype(np.float32), fill.open_side)
 
 
 def corrected_ground(blocks: np.ndarray, rings: np.ndarray, expected: np.ndarray, errors: FillErrors) -> np.ndarray:

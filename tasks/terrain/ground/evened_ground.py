@@ -31,30 +31,31 @@ def evened(values: np.ndarray, fixed: np.ndarray) -> np.ndarray:
 
 
 def _diffused(values: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    values = values.copy()
-    _diffuse(values, ~fixed, ROUNDS)
-    return values
+    """The values (rows, cols) float64 after all rounds."""
+    flat, (rows, cols) = values.ravel().copy(), values.shape
+    row, col = np.nonzero(~fixed & np.isfinite(values))
+    # On the first and last of an axis no neighbour tells a bend along it.
+    place, upright, level = row * cols + col, (row > 0) & (row < rows - 1), (col > 0) & (col < cols - 1)
+    _diffuse(flat, place[upright], place[level], cols, np.empty(len(place)), ROUNDS)
+    return flat.reshape(values.shape)
 
 
 @njit()
-def _diffuse(values, free, rounds):
-    """Diffuses the `free` cells (rows, cols) bool of the values (rows, cols) along one axis after the other, in place."""
-    rows, cols = values.shape
-    before = np.empty(cols)
+def _diffuse(values, upright, level, cols, bends, rounds):
+    """Diffuses the cells at `upright` along columns and those at `level` along rows of `cols` cells, in turn and in place; places
+    (N,) in the values (rows * cols,); bends: room for one of each."""
     for _ in range(rounds):
-        before[:] = values[0]
-        for r in range(1, rows - 1):
-            for c in range(cols):
-                here = values[r, c]
-                bend = values[r + 1, c] - 2.0 * here + before[c]
-                before[c] = here
-                if free[r, c] and np.isfinite(bend):
-                    values[r, c] = here + 0.25 * bend
-        for r in range(rows):
-            last = values[r, 0]
-            for c in range(1, cols - 1):
-                here = values[r, c]
-                bend = values[r, c + 1] - 2.0 * here + last
-                last = here
-                if free[r, c] and np.isfinite(bend):
-                    values[r, c] = here + 0.25 * bend
+        _along(values, upright, cols, bends)
+        _along(values, level, 1, bends)
+
+
+@njit(inline="always")
+def _along(values, places, step, bends):
+    """One step of diffusion of the `values` (rows * cols,) at `places` (N,), whose neighbours lie `step` before and after them;
+    bends: room for N."""
+    for n in range(places.shape[0]):
+        k = places[n]
+        bends[n] = values[k + step] - 2.0 * values[k] + values[k - step]
+    for n in range(places.shape[0]):
+        if np.isfinite(bends[n]):
+            values[places[n]] += 0.25 * bends[n]

@@ -77,6 +77,19 @@ def _between(sums, top, bottom, left, right, part):
 
 
 @njit(inline="always")
+def _nothing_to_one_side(sums, r, c, reach):
+    """Whether no known cell lies where a quarter of all cones goes to, so that they find none: `sums` (rows + 1, cols + 1, K)."""
+    far, wide, rows, cols = int(reach) + 1, _WIDEST + 1, sums.shape[0] - 1, sums.shape[1] - 1
+    for south in (False, True):
+        for east in (False, True):
+            top, bottom = max(r - (wide if south else far), 0), min(r + (far if south else wide) + 1, rows)
+            left, right = max(c - (wide if east else far), 0), min(c + (far if east else wide) + 1, cols)
+            if sums[bottom, right, 0] - sums[top, right, 0] - sums[bottom, left, 0] + sums[top, left, 0] == 0:
+                return True
+    return False
+
+
+@njit(inline="always")
 def _along(part, r, c, dy, dx):
     """How far the middle of the known cells of `part` lies from the cell (r, c) along (dy, dx), in cells."""
     return ((part[1] - part[0] * r) * dy + (part[2] - part[0] * c) * dx) / part[0]
@@ -96,6 +109,8 @@ def _fill(sums, free, places, holes, reach, across, down, filled, distance, open
     part, beyond = np.zeros(3 + bands, np.int64), np.zeros(3 + bands, np.int64)
     for n in range(places.shape[0]):
         r, c = places[n]
+        if holes[n] and _nothing_to_one_side(sums, r, c, reach):
+            continue
         weights, followed, lowest, missed = 0.0, 0.0, np.inf, 0
         east, south = 0.0, 0.0
         total[:] = 0.0
@@ -167,35 +182,67 @@ def _fill(sums, free, places, holes, reach, across, down, filled, distance, open
             bend[n] += (1.0 - beside[n]) * max(lowest / _UNITS - filled[n, 0] - bend[n], 0.0)
 
 
+@njit()
+def _sum(values, known, sums):
+    """Sums of all cells above and to the left of every corner, into `sums` (rows + 1, cols + 1, 3 + bands) int64 that is zero: the
+    count of the `known` cells (rows, cols) bool, their rows, columns and values (rows, cols, bands) m, in whole units."""
+    rows, cols, bands = values.shape
+    row = np.zeros(3 + bands, np.int64)
+    for r in range(rows):
+        row[:] = 0
+        for c in range(cols):
+            if known[r, c]:
+                row[0] += 1
+                row[1] += r
+                row[2] += c
+                for b in range(bands):
+                    row[3 + b] += np.int64(np.rint(np.float64(values[r, c, b]) * _UNITS))
+            for k in range(3 + bands):
+                sums[r + 1, c + 1, k] = sums[r, c + 1, k] + row[k]
+
+
 def _summed(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Sums (rows + 1, cols + 1, 3 + bands) int64 over all cells above and to the left: the count of known cells, their rows,
-    columns and values, in whole units."""
+    """The sums (rows + 1, cols + 1, 3 + bands) int64 of `_sum`."""
     rows, cols, bands = values.shape
     sums = np.zeros((rows + 1, cols + 1, 3 + bands), np.int64)
-    of_cell = sums[1:, 1:]
-    of_cell[..., 0] = known
-    of_cell[..., 1] = known * np.arange(rows)[:, None]
-    of_cell[..., 2] = known * np.arange(cols)
-    for band in range(bands):
-        of_cell[..., 3 + band][known] = np.rint(values[..., band][known].astype(np.float64) * _UNITS)
-    return sums.cumsum(axis=0, out=sums).cumsum(axis=1, out=sums)
+    _sum(values, known, sums)
+    return sums
 
 
 def fill_gaps(values: np.ndarray, known: np.ndarray, wanted: np.ndarray, reach: int, holes: np.ndarray | None = None) -> GapFill:
     """The `known` (rows, cols) bool of the values (rows, cols, bands) continued into the `wanted` cells (rows, cols) bool, from at
     most `reach` cells away, into `holes` (rows, cols) bool only from all sides; cells that are neither known nor wanted are NaN."""
-    import cv2
-
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    filled = np.where(known[..., None], values, np.nan).astype(np.float32)
-    distance = np.where(known, 0.0, np.inf).astype(np.float32)
-    open_side = np.where(known, 0, DIRECTIONS).astype(np.uint8)
+    filled = np.where(known[..., None], values, np.float32(np.nan)).astype(np.float32, copy=False)
+    distance = np.where(known, np.float32(0.0), np.float32(np.inf))
+    open_side = np.where(known, np.uint8(0), np.uint8(DIRECTIONS))
     beside, bend = np.zeros(known.shape, np.float32), np.zeros(known.shape, np.float32)
     at = np.nonzero(wanted & ~known)
-    free = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_C, 3) if known.any() else np.full(known.shape, reach + 1.0)
-    own = filled[at], distance[at], open_side[at], beside[at], bend[at]
-    inside = np.zeros(len(at[0]), bool) if holes is None else holes[at]
-    rays = np.cos(angle), np.sin(angle)
-    _fill(_summed(filled, known), np.asarray(free, np.float32), np.column_stack(at), inside, float(reach), *rays, *own)
-    filled[at], distance[at], open_side[at], beside[at], bend[at] = own
+    if len(at[0]):
+        own = filled[at], distance[at], open_side[at], beside[at], bend[at]
+        inside = np.zeros(len(at[0]), bool) if holes is None else holes[at]
+        rays = np.cos(angle), np.sin(angle)
+        near = _within_reach(at, reach, known.shape)
+        free, places = _free(known[near], reach), np.column_stack([at[0] - near[0].start, at[1] - near[1].start])
+        _fill(_summed(filled[near], known[near]), free, places, inside, float(reach), *rays, *own)
+        filled[at], distance[at], open_side[at], beside[at], bend[at] = own
     return GapFill(filled, distance, open_side, beside, bend)
+
+
+def _within_reach(at: tuple[np.ndarray, ...], reach: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """The rows and columns that count for the cells `at`."""
+    halo = reach + 2 * LONGEST_SLOPE
+    rows, cols = (
+        slice(max(int(places.min()) - halo, 0), min(int(places.max()) + halo + 1, side))
+        for places, side in zip(at, shape, strict=True)
+    )
+    return rows, cols
+
+
+def _free(known: np.ndarray, reach: int) -> np.ndarray:
+    """(rows, cols) float32: cells to the nearest `known` one (rows, cols) bool along rows, columns and diagonals."""
+    import cv2
+
+    if not known.any():
+        return np.full(known.shape, reach + 1.0, np.float32)
+    return np.asarray(cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_C, 3), np.float32)
