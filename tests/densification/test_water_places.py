@@ -109,6 +109,10 @@ def test_the_largest_place_comes_first():
     (sentence,) = _place_warnings(water.places)
     assert sentence.startswith("2 places look like water that is not outlined (the largest")
     assert list(_place_warnings(WaterPlaces())) == []
+    lake = water.places.places[0].model_copy(update={"area": 12345.6, "level": 7.0})
+    assert next(_place_warnings(WaterPlaces(places=(lake,)))).startswith(
+        "One place looks like water that is not outlined (12300 m² with a shore at 7.00 m):"
+    )
 
 
 @pytest.mark.parametrize("side", [64, 100])

@@ -88,11 +88,11 @@ def _outlines_of(places: WaterPlaces) -> Iterator[Product]:
 
 def _place_warnings(places: WaterPlaces) -> Iterator[str]:
     if found := places.places:
-        largest = f"{found[0].area:.3g} m² with a shore at {found[0].level:.2f} m"
+        largest = f"{float(f'{found[0].area:.3g}'):g} m² with a shore at {found[0].level:.2f} m"
         count = f"{len(found)} places look" if len(found) > 1 else "One place looks"
         yield (
             f"{count} like water that is not outlined ({'the largest ' if len(found) > 1 else ''}{largest}): photographs "
-            f"contradict each other inside, and all of the shore is at one level. Nothing was levelled. Look at {CANDIDATES}, "
+            f"contradict each other inside, and the ground around is at one level. Nothing was levelled. Look at {CANDIDATES}, "
             "remove what is no water, copy it beside the workflow and name the copy (densification > water): each outline gets "
             "the level of its shore."
         )
