@@ -373,6 +373,15 @@ _ALL = (
         "seconds",
         ("tasks/matching/least_squares", "tasks/matching/windows"),
     ),
+    Study(
+        "stereo_pairs",
+        "matching.stereo_pairs",
+        "real stereo pairs with truth, beside semi-global matching",
+        "a minute",
+        ("tasks/matching/dense", "tasks/matching/volume", "tasks/matching/least_squares"),
+        "folders of the Middlebury stereo data",
+        "FOLDER ...: each a pair with its truth",
+    ),
     Study("window_sizes", "matching.window_sizes", "what choosing a matching window costs", "seconds", ("tasks/matching",)),
     Study(
         "compare",

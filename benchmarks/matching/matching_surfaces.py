@@ -264,15 +264,15 @@ def _kept(surface: PairSurface, surfaces: list[PairSurface]) -> np.ndarray:
     return surface.parallax
 
 
-def _both(pair: StereoPair) -> np.ndarray:
-    """Nodes 2 px apart that both images show."""
+def nodes_of_both(pair: StereoPair) -> np.ndarray:
+    """(rows, cols) bool: nodes 2 px apart that both images show."""
     truth = pair.truth.astype(np.float32)
     return (np.isfinite(truth) & ~hidden(truth, pair.right.shape[1]))[::2, ::2]
 
 
 def _real_line(pair: StereoPair, parallax: np.ndarray) -> str:
     """Cells of a row: complete, right of all, median and share beyond 1 px."""
-    error = np.abs(parallax - pair.truth[::2, ::2])[_both(pair)]
+    error = np.abs(parallax - pair.truth[::2, ::2])[nodes_of_both(pair)]
     known = error[np.isfinite(error)]
     return (
         f"{100 * known.size / error.size:.1f} | {100 * (known <= 1).sum() / error.size:.1f} | {np.median(known):.3f} | "
@@ -283,7 +283,7 @@ def _real_line(pair: StereoPair, parallax: np.ndarray) -> str:
 def _within(pair: StereoPair, parallax: np.ndarray, sigma: np.ndarray) -> str:
     """Shares of the errors within one and three standard errors."""
     allowed = np.hypot(sigma, pair.quantum / np.sqrt(12.0))
-    ratio = (np.abs(parallax - pair.truth[::2, ::2]) / allowed)[_both(pair)]
+    ratio = (np.abs(parallax - pair.truth[::2, ::2]) / allowed)[nodes_of_both(pair)]
     known = ratio[np.isfinite(ratio)]
     return f"{100 * (known <= 1).mean():.0f} / {100 * (known <= 3).mean():.1f}"
 
