@@ -63,16 +63,23 @@ def _penalty(settings: HeightVolume, share: float) -> np.int16:
 
 
 def optimised(
-    photographs: Iterable[RectifiedPhotograph], pixels: int, choice: Choice, candidates: CellRanges, settings: HeightVolume
+    photographs: Iterable[RectifiedPhotograph],
+    pixels: int,
+    choice: Choice,
+    candidates: CellRanges,
+    settings: HeightVolume,
+    jumps: np.ndarray | None = None,
 ) -> OptimisedCells:
-    """The cheapest candidates of a volume under the eight paths; `pixels`: those of all rectified photographs together."""
+    """The cheapest candidates of a volume under the eight paths; `pixels`: those of all rectified photographs together; jumps
+    (rows, cols): how many times the large penalty holds at a cell (None: once)."""
     stack = PhotographStack.of(photographs, pixels, settings.half)
     cost = volume_costs(stack, choice, candidates, settings.half, comparison_of(settings))
     total = np.zeros(cost.shape, np.int16)
     low, offset, planes = candidates.low, candidates.offset, stack.planes.shape[1]
     small, large = _penalty(settings, settings.small_penalty), _penalty(settings, settings.large_penalty)
+    leaps = np.full(low.shape, large) if jumps is None else np.rint(jumps * large).astype(np.int16)
     for backwards in (False, True):
-        sweep(cost, total, low, offset, planes, small, large, backwards)
+        sweep(cost, total, low, offset, planes, small, leaps, backwards)
     unit = BITS[settings.half] * COST_UNIT
     compared = photographs_at(stack, choice.hidden, np.where(candidates.count > 0, candidates.low + candidates.count // 2, -1))
     stretch = stretches(stack, choice, candidates, settings.compared, settings.step * settings.oversampling)
@@ -84,6 +91,6 @@ def optimised(
 
 def scratch_bytes(candidates: int, cells: int, pixels: int, settings: HeightVolume) -> int:
     """Working memory of a volume: of its candidates and cells, and of the pixels of all its rectified photographs together."""
-    # Costs 1 byte and path sums 2; ranges, masks and results of a cell.
-    volume = array_bytes(3, candidates) + array_bytes(64 + settings.photographs, cells)
+    # Costs 1 byte and path sums 2; ranges, masks, penalties and results of a cell.
+    volume = array_bytes(3, candidates) + array_bytes(66 + settings.photographs, cells)
     return volume + array_bytes(BITS[settings.half] // 6, pixels)

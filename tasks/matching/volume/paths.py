@@ -33,7 +33,8 @@ def _step(before, after, cost, total, lowest, small, large):
 
 @njit()
 def sweep(cost, total, low, offset, candidates, small, large, backwards):
-    """Add four paths: along the row and the three from the row above; run backwards, these are the other four.
+    """Add four paths: along the row and the three from the row above; run backwards, these are the other four. `large`
+    (rows, cols): the penalty of a jump into each pixel.
 
     Two rows of paths are kept, with a wall wherever a pixel has no candidate, so that neighbours may differ in their ranges.
     """
@@ -59,4 +60,4 @@ def sweep(cost, total, low, offset, candidates, small, large, backwards):
             for path in range(4):
                 row, col = (now, c - 1) if path == 0 else (above, c + path - 2)
                 before, after = paths[row, col, path, first : last + 2], paths[now, c, path, first + 1 : last + 1]
-                lowest[now, c, path] = _step(before, after, here, sums, lowest[row, col, path], small, large)
+                lowest[now, c, path] = _step(before, after, here, sums, lowest[row, col, path], small, large[y, x])

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from orthomill.schemas.outcome import Outcome
 from orthomill.tasks.matching.dense.dense_settings import DenseMatching
-from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, pair_start
+from orthomill.tasks.matching.dense.pair_start import AT_EDGES, PAIR_VOLUME, PLAIN, jump_factors, pair_start
 from orthomill.tasks.matching.dense.pair_surface import PairSurface, ParallaxCode, break_variance, hidden, match_pair
 
 ROWS, COLS, ISLAND = 110, 150, (slice(36, 76), slice(60, 104))
@@ -95,6 +95,16 @@ def test_the_volume_of_a_pair_is_as_it_is_set(scene):
     rough = PAIR_VOLUME.model_copy(update={"small_penalty": 0.0, "large_penalty": 0.0})
     usual, loose = (pair_start(left.astype(np.float32), right.astype(np.float32), 0, 30, volume) for volume in (PAIR_VOLUME, rough))
     assert usual.coherence.mean() > loose.coherence.mean()
+
+
+def test_a_jump_costs_most_in_plain_ground_and_least_at_an_edge():
+    image = np.random.default_rng(3).normal(120, 4, (60, 80)).astype(np.float32)
+    image[:, 40:] += 100.0
+    image[:, :20] = 120.0
+    factors = jump_factors(image)
+    assert (factors[:, :16] == PLAIN).all() and (factors[:, 39:41] == AT_EDGES).all()
+    assert 1.5 < np.median(factors[:, 46:]) < 2.5
+    assert jump_factors(np.zeros((8, 8), np.float32)).max() == PLAIN, "an image without contrast is plain"
 
 
 def test_nodes_are_as_far_apart_as_set(scene):

@@ -101,7 +101,9 @@ def test_paths_over_ranges_that_differ_from_cell_to_cell():
     cost = random.integers(0, 200, candidates.offset[-1]).astype(np.uint8)
     total = np.zeros(cost.shape, np.int16)
     for backwards in (False, True):
-        sweep(cost, total, candidates.low, candidates.offset, 16, np.int16(20), np.int16(90), backwards)
+        sweep(
+            cost, total, candidates.low, candidates.offset, 16, np.int16(20), np.full(candidates.low.shape, 90, np.int16), backwards
+        )
     cells = {}
     for r in range(6):
         for c in range(7):
