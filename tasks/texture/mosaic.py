@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.orientation import Block
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import GUESSED, MEASURED, HeightSource
+from orthomill.schemas.surface import MEASURED, HeightSource
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
 from orthomill.tasks.colouring.balance.shared_ground import Samples, sample_rows, seen_twice
 from orthomill.tasks.colouring.blending.blending import Blended, blend
@@ -275,10 +275,8 @@ def texture_tile(
     showing = [around[k] for k in numbers]
     views = [photo.view for photo in showing]
     known = np.isfinite(heights)
-    # The datum moves what hides and what is hidden alike: only errors among neighbours count. On a guess something may stand of
-    # which it knows nothing, as on draped heights.
-    guess = np.isin(provenance, GUESSED) | ~known
-    spread = np.where(guess, np.float32(np.inf), np.nan_to_num(np.float32(MAY_WELL) * precision))
+    # The datum moves what hides and what is hidden alike: only errors among neighbours count. Draped heights are guessed.
+    spread = np.where(known, np.nan_to_num(np.float32(MAY_WELL) * precision), np.float32(np.inf))
     measured = np.isin(provenance, MEASURED) & known
     scene = _scene(painted, measured=measured, spread=spread, extent=extent, photos=around, showing=numbers, rules=rules)
     core = extent.core.within(extent.heights).slices
