@@ -3,7 +3,8 @@
     python -m benchmarks stereo_pairs FOLDER ...
 
 A FOLDER is one of the Middlebury stereo data in a third (2005, 2006: view1.png, view5.png, disp1.png; parallaxes in thirds of a px)
-or a quarter of its size (2003: im2.png, im6.png, disp2; in quarters), named like the scene.
+or a quarter of its size (2003: im2.png, im6.png, disp2; in quarters), named like the scene; or skimage/data of scikit-image
+(Motorcycle).
 """
 
 import sys
@@ -16,7 +17,7 @@ import numpy as np
 
 from benchmarks.instrument.result_page import write_page
 from benchmarks.matching.matching_peers import semi_global_opencv
-from benchmarks.matching.matching_surfaces import StereoPair, nodes_of_both
+from benchmarks.matching.matching_surfaces import StereoPair, motorcycle, nodes_of_both
 from orthomill.tasks.matching.dense.pair_surface import ParallaxCode, match_pair
 
 ROOM = 4.0
@@ -40,6 +41,8 @@ class Judged(NamedTuple):
 
 def pair_of(folder: Path) -> StereoPair:
     """The pair of a folder. Raises FileNotFoundError where it has none."""
+    if found := motorcycle(folder):
+        return found
     for first, second, truths, scale in _LAYOUTS:
         truth = next((folder / name for name in truths if (folder / name).is_file()), None)
         if truth is not None and (folder / first).is_file() and (folder / second).is_file():
