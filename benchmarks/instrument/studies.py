@@ -377,7 +377,7 @@ _ALL = (
         "stereo_pairs",
         "matching.stereo_pairs",
         "real stereo pairs with truth, beside semi-global matching",
-        "a minute",
+        "minutes",
         ("tasks/matching/dense", "tasks/matching/volume", "tasks/matching/least_squares"),
         "folders of the Middlebury stereo data",
         "FOLDER ...: each a pair with its truth",
