@@ -161,3 +161,11 @@ def test_reduced_equations_are_the_schur_complement_of_the_whole_ones():
     eliminated = B @ np.linalg.inv(B.T @ W @ B) @ B.T @ W
     np.testing.assert_allclose(found.normal.toarray(), J.T @ W @ (J - eliminated @ J), rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found.right, J.T @ W @ (residual - eliminated @ residual), rtol=1e-9, atol=1e-6)
+
+
+def test_a_photograph_beside_its_place_does_not_lose_its_contrast():
+    """What it shows at the points of others is other ground of the kind; by the number of its samples its gain would be 0.02."""
+    made, rng = samples(800, 2.0), np.random.default_rng(9)
+    torn = np.where(np.asarray(made.photo) == 2, rng.normal(90.0, 30.0, len(made)), made.first).astype(np.float32)
+    found = balance_block(NAMES, Samples(made.point, made.photo, made.r2, torn, torn, torn), 255.0, False)
+    assert all(0.4 < photo.gain[0] < 1.5 for photo in found.photos)

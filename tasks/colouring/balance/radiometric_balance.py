@@ -28,6 +28,9 @@ ROUNDS = 12
 # by more; a term that is not estimated gets a prior that fixes it, so that the normal equations keep one shape.
 _PRIOR_SIGMA = (0.1, 0.1, 0.1, 10.0)
 _FIXED_SIGMA = 1e-6
+TOGETHER = 50.0
+"""Samples of a photograph that err together and count as one: a photograph that lies beside its place shows other ground in all of
+them, and by their number alone it would be given any gain"""
 _LEAST_SIGMA = 0.1  # grey levels: simulated photographs may fit exactly, and weights must stay finite
 _DATUM_WEIGHT = 1e3  # per observation: the two datum equations hold to a thousandth of their share
 _CONVERGED = 1e-5  # largest change of a parameter: of a gain, or of an offset in grey levels
@@ -68,9 +71,10 @@ def _mark_pairs(first, photo, found):
 
 
 def _prior(photos: int, vignetting: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Expected values and weights (in units of one grey level's weight) of the 4 parameters of all photos.
+    """Expected values and weights (of grey values whose variance is 1) of the 4 parameters of all photos.
 
-    Small weights: only a photo without overlap is kept at gain 1 and offset 0 by them.
+    Small beside samples that fit: only a photo without overlap, or whose samples fit no better than by chance, is kept near gain 1
+    and offset 0 by them.
     """
     sigma = np.array(_PRIOR_SIGMA)
     if not vignetting:
@@ -88,13 +92,15 @@ def _datum(photos: int) -> sparse.csr_matrix:
 
 class _Reduced(NamedTuple):
     """Normal equations after elimination of the ground: `normal` dx = `right`, then dG = (`ground_right` - `coupling` dx) /
-    `ground_normal`, where `coupling` (N, 4) has for each row its point's coupling with its photo."""
+    `ground_normal`, where `coupling` (N, 4) has for each row its point's coupling with its photo; `variance` of a grey value, whose
+    weight is 1."""
 
     normal: sparse.bsr_matrix
     right: np.ndarray
     coupling: np.ndarray
     ground_normal: np.ndarray
     ground_right: np.ndarray
+    variance: float
 
 
 def _reduced(channel: _Channel, ground: np.ndarray, x: np.ndarray) -> _Reduced:
@@ -112,7 +118,7 @@ def _reduced(channel: _Channel, ground: np.ndarray, x: np.ndarray) -> _Reduced:
     size = channel.photos * TERMS
     pointers = np.searchsorted(rows, np.arange(channel.photos + 1))
     normal = sparse.bsr_matrix((blocks, cols, pointers), shape=(size, size))
-    return _Reduced(normal, right.ravel(), sums.coupling, sums.ground_normal, sums.ground_right)
+    return _Reduced(normal, right.ravel(), sums.coupling, sums.ground_normal, sums.ground_right, sigma**2)
 
 
 class _RowFit(NamedTuple):
@@ -172,12 +178,13 @@ def _add_points(first, photo, r2, ground, fit, place, sums):
 
 def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
     """Parameters (photos, 4): gain, gain v1, gain v2, offset. Gauss-Newton with the ground eliminated."""
-    expected, prior = _prior(channel.photos, vignetting)
+    expected, weights = _prior(channel.photos, vignetting)
     datum, x = _datum(channel.photos), expected.copy()
     ground = np.bincount(channel.point, channel.g, channel.points) / np.bincount(channel.point, minlength=channel.points)
     hard = _DATUM_WEIGHT * len(channel.g)
     for _ in range(ROUNDS):
         found = _reduced(channel, ground, x)
+        prior = found.variance * TOGETHER * weights
         right = found.right + prior * (expected - x)
         # Without the datum a darker ground under larger gains fits as well: the equations would be singular but for the prior.
         normal = found.normal + sparse.diags_array(prior) + hard * (datum.T @ datum)
