@@ -1,7 +1,9 @@
 """What is known about a photograph before its pixels are read."""
 
 from collections.abc import Mapping
+from datetime import datetime
 from enum import StrEnum
+from math import nan
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -155,6 +157,12 @@ class Photo(BaseModel):
     """width and height of the file of a scan"""
     levels: int = 1
     """Pyramid levels stored: rasters `photos/<name>/0` (full size) to `photos/<name>/<levels - 1>`, each halved."""
+
+    @property
+    def seconds(self) -> float:
+        """The time at which it was taken, s since 1970 by the clock that told it; NaN where none did."""
+        moment = None if self.time is None else datetime.fromisoformat(self.time).replace(tzinfo=None)
+        return nan if moment is None else (moment - datetime(1970, 1, 1)).total_seconds()
 
     @property
     def stored_bands(self) -> int:

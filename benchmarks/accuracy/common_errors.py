@@ -19,7 +19,7 @@ from benchmarks.instrument.result_page import write_page
 from orthomill.tasks.accuracy.answers.error_correlation import COMMON
 
 FARTHEST = 5.0
-"""standard errors at which an error is cut: a blunder is none of what heights have in common"""
+"""standard errors beyond which an error is left out: a blunder is none of what heights have in common"""
 
 
 class CommonError(NamedTuple):

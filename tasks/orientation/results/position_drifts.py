@@ -1,7 +1,6 @@
 """Whether the positions of a flight move evenly against the block: a receiver whose solution drifts, or its base."""
 
 from collections.abc import Iterator
-from datetime import datetime
 
 import numpy as np
 from scipy.special import stdtrit
@@ -15,7 +14,6 @@ from orthomill.tasks.orientation.sources.causes import CHANCE
 
 FEWEST = 6
 """positions of a flight from which on a drift is told from single errors"""
-_EPOCH = datetime(1970, 1, 1)
 
 
 def position_drifts(results: BlockResults, photos: Photos) -> tuple[PositionDrift, ...]:
@@ -23,7 +21,7 @@ def position_drifts(results: BlockResults, photos: Photos) -> tuple[PositionDrif
     names = results.problem.names
     if results.datum.free:
         return ()
-    seconds = np.array([_seconds(photos[name].time) for name in names])
+    seconds = np.array([photos[name].seconds for name in names])
     has = np.isfinite(seconds) & results.result.network.centre_weight.any(axis=1)
     moment, flight = np.zeros(len(names)), np.full(len(names), -1)
     told: list[tuple[np.ndarray, float]] = []
@@ -58,10 +56,6 @@ def drift_findings(drifts: tuple[PositionDrift, ...], stated: np.ndarray, names:
         rows = zip(drift.value, drift.sigma, own, strict=True)
         if any(v is not None and s is not None and abs(v) > max(limit * s, of) for v, s, of in rows):
             yield PositionsDrift(photos=drift.photos, hours=drift.hours, drift=drift.value, sigma=drift.sigma)
-
-
-def _seconds(time: str | None) -> float:
-    return np.nan if time is None else (datetime.fromisoformat(time).replace(tzinfo=None) - _EPOCH).total_seconds()
 
 
 def _known(values: np.ndarray) -> tuple[float | None, float | None, float | None]:

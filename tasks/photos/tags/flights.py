@@ -5,7 +5,6 @@ another start afterwards: the difference of its two heights, the height of the p
 """
 
 from collections import defaultdict
-from datetime import datetime
 
 import numpy as np
 
@@ -36,7 +35,7 @@ def with_flights(photos: list[Photo]) -> list[Photo]:
 def _flights(photos: list[Photo]) -> np.ndarray:
     """(N,) numbers from 0 of photographs of one receiver."""
     number = np.zeros(len(photos), int)
-    seconds = np.array([_seconds(photo.time) for photo in photos])
+    seconds = np.array([photo.seconds for photo in photos])
     known = np.flatnonzero(np.isfinite(seconds))
     if len(known) < 2:
         return number
@@ -56,7 +55,3 @@ def _start_height(photo: Photo) -> float:
     if photo.altitude is None or photo.relative_height is None or photo.height_kind != "barometric":
         return np.nan
     return photo.altitude - photo.relative_height
-
-
-def _seconds(time: str | None) -> float:
-    return np.nan if time is None else (datetime.fromisoformat(time) - datetime(1970, 1, 1)).total_seconds()
