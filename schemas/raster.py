@@ -3,7 +3,7 @@
 Arrays are (rows, cols) or (rows, cols, bands). A window is half open. A chunk spans all bands.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import ceil, floor
 from typing import TypeVar
@@ -74,6 +74,16 @@ class Window:
     def scaled(self, factor: int) -> "Window":
         """The window of the same area in a raster whose pixels are `factor` times smaller."""
         return Window(self.row * factor, self.col * factor, self.height * factor, self.width * factor)
+
+
+def enclosing(windows: Iterable[Window]) -> Window:
+    """The smallest window that holds several, of which empty ones hold nothing; empty where all are."""
+    held = [window for window in windows if not window.empty]
+    if not held:
+        return Window(0, 0, 0, 0)
+    row, col = min(window.row for window in held), min(window.col for window in held)
+    bottom, right = max(window.row + window.height for window in held), max(window.col + window.width for window in held)
+    return Window(row, col, bottom - row, right - col)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""One block of a pair: its windows, its matching, and the statistics that the report needs."""
+"""Blocks of a pair: their windows, their matching, and the statistics that the report needs."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.raster import MapGrid, Window, enclosing, tiles_of
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.start_parallaxes import STRIP, start_parallaxes
 from orthomill.tasks.geometry.epipolar_window import map_window
@@ -94,9 +94,51 @@ class PairBlock:
         return scratch_bytes(self.parallaxes, matching) + array_bytes(64, cells)
 
 
+@dataclass(frozen=True)
+class PairTile:
+    """Blocks of a pair side by side, which one job matches one after the other: what they find is stored in one piece.
+
+    `left`, `right`, `cells`: what all of them read, see `PairBlock`; empty where none reads anything.
+    """
+
+    pair: EpipolarPair
+    nodes: Window
+    step: int
+    surface: Surface
+    left: Window
+    right: Window
+    cells: Window
+
+    @classmethod
+    def over(cls, pair: EpipolarPair, nodes: Window, step: int, surface: Surface) -> "PairTile":
+        """The tile of whole blocks whose nodes are these."""
+        blocks = _blocks(pair, nodes, step, surface)
+        left, right, cells = (enclosing(getattr(block, name) for block in blocks) for name in ("left", "right", "cells"))
+        return cls(pair, nodes, step, surface, left, right, cells)
+
+    @property
+    def blocks(self) -> tuple[PairBlock, ...]:
+        """Its blocks, row by row."""
+        return _blocks(self.pair, self.nodes, self.step, self.surface)
+
+    def scratch(self, matching: DenseMatching) -> int:
+        """Working memory of `match_pair_tile`, bytes."""
+        # A block works on a copy of its part of what is read.
+        return max(
+            block.scratch(matching) + array_bytes(4, block.cells) + array_bytes(1, block.left) + array_bytes(1, block.right)
+            for block in self.blocks
+        )
+
+
+def _blocks(pair: EpipolarPair, nodes: Window, step: int, surface: Surface) -> tuple[PairBlock, ...]:
+    inside = (tile.window for tile in tiles_of(nodes.shape, BLOCK // step))
+    windows = (Window(nodes.row + one.row, nodes.col + one.col, one.height, one.width) for one in inside)
+    return tuple(PairBlock.over(pair, window, step, surface) for window in windows)
+
+
 class MatchedBlock(NamedTuple):
-    """Result of a block: nodes (rows, cols, 3) float32 (parallax px, its standard error px, correlation; NaN without a match) and
-    outcome (rows, cols) uint8, codes of Outcome."""
+    """Result of a block, or of several: nodes (rows, cols, 3) float32 (parallax px, its standard error px, correlation; NaN without
+    a match) and outcome (rows, cols) uint8, codes of Outcome."""
 
     nodes: np.ndarray
     outcome: np.ndarray
@@ -132,6 +174,31 @@ def match_pair_block(
     return MatchedBlock(stacked, outcome, matching_statistics(stacked, outcome, found.y_parallax))
 
 
+def match_pair_tile(
+    tile: PairTile, matching: DenseMatching, left: np.ndarray, right: np.ndarray | None = None, heights: np.ndarray | None = None
+) -> MatchedBlock:
+    """Match the blocks of a tile, each as `match_pair_block` does it alone; left, right, heights: the windows of the tile."""
+    nodes = np.empty((*tile.nodes.shape, 3), np.float32)
+    outcome = np.empty(tile.nodes.shape, np.uint8)
+    statistics = []
+    for block in tile.blocks:
+        found = match_pair_block(
+            block,
+            matching,
+            _part(left, tile.left, block.left),
+            None if right is None or block.right.empty else _part(right, tile.right, block.right),
+            None if heights is None or block.cells.empty else _part(heights, tile.cells, block.cells),
+        )
+        own = block.nodes.within(tile.nodes).slices
+        nodes[own], outcome[own] = found.nodes, found.outcome
+        statistics.append(found.statistics)
+    return MatchedBlock(nodes, outcome, sum_matching(tuple(statistics)))
+
+
+def _part(values: np.ndarray, window: Window, wanted: Window) -> np.ndarray:
+    return np.ascontiguousarray(values[wanted.within(window).slices])
+
+
 def matching_statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: float) -> MatchingStatistics:
     """The counts of a block; nodes (rows, cols, 3) and outcome (rows, cols) as in `MatchedBlock`, y_parallax in px or NaN."""
     return MatchingStatistics(
@@ -142,7 +209,7 @@ def matching_statistics(nodes: np.ndarray, outcome: np.ndarray, y_parallax: floa
 
 
 def sum_matching(parts: tuple[MatchingStatistics, ...]) -> MatchingStatistics:
-    """The statistics of all blocks of a pair together."""
+    """The statistics of several blocks together."""
     return MatchingStatistics(
         outcomes=tuple(map(sum, zip(*(part.outcomes for part in parts), strict=True))),
         precision=tuple(map(sum, zip(*(part.precision for part in parts), strict=True))),

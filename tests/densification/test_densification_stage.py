@@ -8,9 +8,9 @@ from village_pair import CELL, block_of, height_errors, normal_case, photos_of, 
 
 from orthomill.schemas.epipolar import PAIRS, EpipolarPairs, epipolar_raster
 from orthomill.schemas.observations import GROUND_POINTS, GroundPoints
-from orthomill.schemas.orientation import BLOCK
+from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import PHOTOS, photo_raster
-from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.schemas.stage_report import report_table
 from orthomill.schemas.surface import (
     COUNT,
@@ -23,7 +23,9 @@ from orthomill.schemas.surface import (
     SURFACE,
     Provenance,
 )
-from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster
+from orthomill.tasks.densification.matching_block import PairTile, match_pair_block, match_pair_tile, sum_matching
+from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster, pair_plan
+from orthomill.tasks.densification.plan.volume_jobs import JUDGED_HEIGHT
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, GuideFile
 from orthomill.tasks.densification.settings.surface_settings import MeasuredOnly
 from orthomill.tasks.densification.stage import DensificationStage, ObjectSpace
@@ -32,6 +34,7 @@ from orthomill.tasks.densification.volume import volume_tile
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 from orthomill.tasks.geometry.view import block_view
 from orthomill.tasks.imagery.pyramid import halved
+from orthomill.tasks.matching.dense.blocks import BLOCK
 from orthomill.tasks.matching.dense.dense_settings import DenseMatching
 from orthomill.tasks.matching.volume.height_volume import optimised
 
@@ -53,7 +56,7 @@ def tie_points(height: np.ndarray) -> GroundPoints:
 
 def run(seen, stage=STAGE, tile=192, blank=False, files=None):
     engine, pair = MemoryProject(tile, files=files or {}), seen[1].pair
-    engine.tables[BLOCK.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
+    engine.tables[BLOCK_TABLE.path], engine.tables[PHOTOS.path] = block_of(pair), photos_of(pair)
     engine.tables[GROUND_POINTS.path] = tie_points(seen[0].height)
     engine.tables[PAIRS.path] = EpipolarPairs(pairs=(pair,))
     for name, side, image in ((pair.left, "left", seen[1].left), (pair.right, "right", seen[1].right)):
@@ -100,7 +103,7 @@ def test_rasters_agree_with_one_another(engine):
 
 
 def test_every_cell_that_both_photographs_see_has_a_height(engine):
-    grid, block = engine.tables[SURFACE.path].grid, engine.tables[BLOCK.path]
+    grid, block = engine.tables[SURFACE.path].grid, engine.tables[BLOCK_TABLE.path]
     x, y = np.meshgrid(*grid.centres(Window(0, 0, *grid.shape)))
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
     views = [block_view(block, name) for name in block.names]
@@ -118,6 +121,32 @@ def test_any_tile_size_gives_the_same_bits(seen, engine):
     assert {Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT} <= set(np.unique(whole.rasters[PROVENANCE]))
     for name in (HEIGHT, PRECISION, RELATIVE_PRECISION, DATUM_PRECISION, COUNT, PROVENANCE):
         assert np.array_equal(engine.rasters[name], whole.rasters[name], equal_nan=True)
+
+
+def test_blocks_of_one_job_find_what_each_finds_alone(seen, engine):
+    images, surface, settings = seen[1], engine.tables[SURFACE.path], STAGE.matching.pairs
+    tile = PairTile.over(images.pair, Window(0, 0, 128, 100), settings.step, surface)
+    assert [block.nodes.shape for block in tile.blocks] == [(64, 64), (64, 36)] * 2
+
+    def found(part, match):
+        read = (images.left[part.left.slices], images.right[part.right.slices], engine.rasters[JUDGED_HEIGHT][part.cells.slices])
+        return match(part, settings, *read)
+
+    together, alone = found(tile, match_pair_tile), [found(block, match_pair_block) for block in tile.blocks]
+    for block, one in zip(tile.blocks, alone, strict=True):
+        own = block.nodes.within(tile.nodes).slices
+        assert np.array_equal(together.nodes[own], one.nodes, equal_nan=True) and np.isfinite(one.nodes).any()
+        assert np.array_equal(together.outcome[own], one.outcome)
+    assert together.statistics == sum_matching(tuple(one.statistics for one in alone))
+    assert tile.scratch(settings) > max(block.scratch(settings) for block in tile.blocks)
+
+
+def test_a_job_of_a_pair_takes_as_many_blocks_as_the_tile_of_the_project(seen, engine):
+    pair, surface, settings = seen[1].pair, engine.tables[SURFACE.path], STAGE.matching.pairs
+    for side, blocks in ((100, 1), (256, 1), (700, 2), (2048, 8)):
+        spec, _, *jobs = pair_plan(pair, surface, settings, side, "densification")
+        assert spec.chunk == blocks * BLOCK // settings.step
+        assert len(jobs) == 1 + len(list(tiles_of(spec.shape, spec.chunk)))
 
 
 def test_estimates_are_left_out_on_request_and_nothing_else_changes(seen, engine):

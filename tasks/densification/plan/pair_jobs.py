@@ -1,4 +1,4 @@
-"""The rasters and jobs of a pair: its nodes, block by block, matched near the heights of the volume."""
+"""The rasters and jobs of a pair: its nodes, some blocks a job, matched near the heights of the volume."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from orthomill.schemas.job import Job, Raster, Reading, Table
 from orthomill.schemas.outcome import Outcome
 from orthomill.schemas.raster import RasterSpec, Tile, tiles_of
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.matching_block import MatchingStatistics, PairBlock, match_pair_block, sum_matching
+from orthomill.tasks.densification.matching_block import MatchingStatistics, PairTile, match_pair_tile, sum_matching
 from orthomill.tasks.densification.plan.volume_jobs import JUDGED_HEIGHT
 from orthomill.tasks.geometry.epipolar_window import nodes_shape
 from orthomill.tasks.matching.dense.blocks import BLOCK
@@ -35,7 +35,7 @@ def block_table(pair: str, tile: Tile) -> Table[MatchingStatistics]:
 
 
 def node_specs(pair: EpipolarPair, step: int, chunk: int) -> tuple[RasterSpec, RasterSpec]:
-    """The rasters of the nodes of a pair, `step` px apart. One chunk is one block, whatever the tile of the project."""
+    """The rasters of the nodes of a pair, `step` px apart, in chunks of so many: what one job writes."""
     shape = nodes_shape(pair, step)
     return (
         RasterSpec(name=nodes_raster(pair.name), shape=(*shape, 3), dtype="float32", chunk=chunk, nodata=float("nan")),
@@ -64,31 +64,31 @@ def counts_job(stage: str, pair: EpipolarPair, tiles: list[Tile]) -> Job:
     )
 
 
-def pair_plan(pair: EpipolarPair, surface: Surface, matching: DenseMatching, stage: str) -> Iterator[RasterSpec | Job]:
-    """The blocks of a pair."""
-    chunk = BLOCK // matching.step
+def pair_plan(pair: EpipolarPair, surface: Surface, matching: DenseMatching, side: int, stage: str) -> Iterator[RasterSpec | Job]:
+    """The tiles of a pair, as many whole blocks as there are in `side` px: what a job stores is a chunk, and chunks are objects."""
+    chunk = max(side // BLOCK, 1) * (BLOCK // matching.step)
     yield from node_specs(pair, matching.step, chunk)
     tiles = list(tiles_of(nodes_shape(pair, matching.step), chunk))
     for tile in tiles:
-        yield _block(pair, surface, matching, tile, stage)
+        yield _job(pair, surface, matching, tile, stage)
     yield counts_job(stage, pair, tiles)
 
 
-def _block(pair: EpipolarPair, surface: Surface, matching: DenseMatching, tile: Tile, stage: str) -> Job:
-    block = PairBlock.over(pair, tile.window, matching.step, surface)
-    reads: dict[str, Reading] = {"left": Raster(epipolar_raster(pair.name, "left"), block.left)}
-    if not block.right.empty:
-        reads["right"] = Raster(epipolar_raster(pair.name, "right"), block.right)
-    if not block.cells.empty:
-        reads["heights"] = Raster(JUDGED_HEIGHT, block.cells)
+def _job(pair: EpipolarPair, surface: Surface, matching: DenseMatching, tile: Tile, stage: str) -> Job:
+    part = PairTile.over(pair, tile.window, matching.step, surface)
+    reads: dict[str, Reading] = {"left": Raster(epipolar_raster(pair.name, "left"), part.left)}
+    if not part.right.empty:
+        reads["right"] = Raster(epipolar_raster(pair.name, "right"), part.right)
+    if not part.cells.empty:
+        reads["heights"] = Raster(JUDGED_HEIGHT, part.cells)
     return Job(
         stage=stage,
         item=pair.name,
-        function=match_pair_block,
+        function=match_pair_tile,
         reads=reads,
         writes=block_writes(pair, tile),
-        params={"block": block, "matching": matching},
+        params={"tile": part, "matching": matching},
         row=tile.row,
         col=tile.col,
-        scratch=block.scratch(matching),
+        scratch=part.scratch(matching),
     )

@@ -10,7 +10,7 @@ from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, Guide, GuideFile
-from orthomill.tasks.densification.volume.confidence import JudgedTile, judged
+from orthomill.tasks.densification.volume.confidence import JudgedSquare, judged_square
 from orthomill.tasks.densification.volume.guide_heights import guided_terrain
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
@@ -40,14 +40,17 @@ CONFIDENCE = "densification/volume/confidence"
 """uint8 codes of Confidence"""
 
 
-def volume_plan(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
-    """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface."""
+def volume_plan(scene: VolumeScene, limits: ConfidenceLimits, side: int, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+    """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface.
+
+    side: cells; as many whole tiles as there are in it are judged by a job.
+    """
     yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs, scene.reach)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
             yield _job(tile, scene, stage)
-    yield from _judged(scene, limits, stage, crs)
+    yield from _judged(scene, limits, SIDE * max(side // SIDE, 1), stage, crs)
 
 
 def guided_terrain_plan(
@@ -108,17 +111,17 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     )
 
 
-def _judged(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def _judged(scene: VolumeScene, limits: ConfidenceLimits, side: int, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
     """Which heights of the finest level count as measured, and those of coarser levels where they stand alone."""
     grid = scene.surface.grid
-    yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, SIDE, nodata=float("nan"), unit="m")
-    yield map_raster(JUDGEMENT, grid, "uint8", crs, SIDE, bands=len(Judgement), colours=False)
-    yield map_raster(CONFIDENCE, grid, "uint8", crs, SIDE)
+    yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, side, nodata=float("nan"), unit="m")
+    yield map_raster(JUDGEMENT, grid, "uint8", crs, side, bands=len(Judgement), colours=False)
+    yield map_raster(CONFIDENCE, grid, "uint8", crs, side)
     names = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}
     shapes = [level.grid.shape for level in reversed(scene.levels)]
-    for tile in tiles_of(grid.shape, SIDE):
-        judging = JudgedTile.of(tile.window, shapes, terrain_grid(grid).shape)
-        coarser = list(enumerate(judging.levels.read))[1:]
+    for tile in tiles_of(grid.shape, side):
+        judging = JudgedSquare.of(tile.window, SIDE, shapes, terrain_grid(grid).shape)
+        coarser = list(enumerate(judging.levels))[1:]
         reads: dict[str, Reading] = {
             "height": Raster(volume_height(0), judging.around),
             "quality": Raster(volume_quality(0), judging.around),
@@ -130,12 +133,12 @@ def _judged(scene: VolumeScene, limits: ConfidenceLimits, stage: str, crs: str) 
         yield Job(
             stage=stage,
             item="volume",
-            function=judged,
+            function=judged_square,
             reads=reads,
             writes={key: Raster(name, tile.window) for key, name in names.items()},
-            params={"tile": judging, "settings": limits, "step": scene.levels[-1].step},
+            params={"square": judging, "settings": limits, "step": scene.levels[-1].step},
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities and their slices; of the levels, five float64 bands and their copies.
-            scratch=array_bytes(280, judging.around),
+            scratch=max(array_bytes(280, one.around) for one in judging.tiles),
         )

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from orthomill.schemas.raster import Window
+from orthomill.schemas.raster import Window, enclosing, tiles_of
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import LevelWindows, shown_heights
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
@@ -69,6 +69,53 @@ class JudgedTile:
         """shapes: of all levels, the finest first; terrain_shape: of the raster of the terrain."""
         around = window.grown(SURROUNDINGS).clipped(shapes[0])
         return cls(window, around, LevelWindows.of(window, shapes), places_around(window, 1, terrain_shape))
+
+
+@dataclass(frozen=True)
+class JudgedSquare:
+    """Tiles side by side, which one job judges one after the other, since what it makes is stored in one piece. `around`, `levels`
+    and `places`: what all of them read."""
+
+    window: Window
+    tiles: tuple[JudgedTile, ...]
+    around: Window
+    levels: tuple[Window, ...]
+    places: Window
+
+    @classmethod
+    def of(cls, window: Window, side: int, shapes: Sequence[tuple[int, int]], terrain_shape: tuple[int, int]) -> "JudgedSquare":
+        """The tiles of `side` cells in a window that begins at the corner of one; shapes, terrain_shape: see `JudgedTile`."""
+        inside = (tile.window for tile in tiles_of(window.shape, side))
+        windows = [Window(window.row + one.row, window.col + one.col, one.height, one.width) for one in inside]
+        tiles = tuple(JudgedTile.of(one, shapes, terrain_shape) for one in windows)
+        levels = tuple(enclosing(reads) for reads in zip(*(tile.levels.read for tile in tiles), strict=True))
+        around, places = enclosing(tile.around for tile in tiles), enclosing(tile.places for tile in tiles)
+        return cls(window, tiles, around, levels, places)
+
+
+def judged_square(
+    square: JudgedSquare,
+    settings: ConfidenceLimits,
+    height: np.ndarray,
+    quality: np.ndarray,
+    terrain: np.ndarray,
+    step: float,
+    coarser_heights: tuple[np.ndarray, ...] = (),
+    coarser_qualities: tuple[np.ndarray, ...] = (),
+) -> JudgedVolume:
+    """Every tile as `judged` does it alone; height, quality, terrain and those of the coarser levels: of the windows of all."""
+    shape = square.window.shape
+    whole = JudgedVolume(np.empty(shape, np.float32), np.empty((*shape, len(Judgement)), np.uint8), np.empty(shape, np.uint8))
+    for tile in square.tiles:
+        around, places = tile.around.within(square.around).slices, tile.places.within(square.places).slices
+        levels = [own.within(read).slices for own, read in zip(tile.levels.read, square.levels, strict=True)][1:]
+        coarser = (
+            [values[own] for values, own in zip(level, levels, strict=True)] for level in (coarser_heights, coarser_qualities)
+        )
+        found = judged(tile, settings, height[around], quality[around], terrain[places], step, *map(tuple, coarser))
+        for values, made in zip(whole, found, strict=True):
+            values[tile.window.within(square.window).slices] = made
+    return whole
 
 
 def judged(

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import standard_errors
-from orthomill.tasks.densification.volume.confidence import Confidence, JudgedTile, judged
+from orthomill.tasks.densification.volume.confidence import Confidence, JudgedSquare, JudgedTile, judged, judged_square
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, Band, Judgement, judgement, quality_bands
 from orthomill.tasks.densification.volume.terrain import terrain_grid
 
@@ -193,6 +193,24 @@ def test_a_window_is_a_window_of_the_whole(seed, row, col, size):
     part, whole = judge(height, bands, window, coarser=levels), judge(height, bands, coarser=levels)
     for one, other in zip(part, whole, strict=True):
         assert np.array_equal(one, other[window.slices], equal_nan=one.dtype.kind == "f")
+
+
+def test_tiles_of_one_job_are_judged_as_each_is_alone():
+    rng, window = np.random.default_rng(5), Window(32, 0, 48, 104)
+    height, bands = rng.normal(50, 5, SHAPE).astype(np.float32), rng.integers(0, 100, (*SHAPE, len(Band))).astype(np.uint8)
+    levels = [(rng.normal(50, 5, shape).astype(np.float32), quality(0.7, shape=shape)) for shape in SHAPES[1:]]
+    square = JudgedSquare.of(window, 32, SHAPES, TERRAIN_SHAPE)
+    assert [tile.window.shape for tile in square.tiles] == [(32, 32)] * 3 + [(32, 8)] + [(16, 32)] * 3 + [(16, 8)]
+    assert square.window == window and square.levels[0].overlap(window) == window
+    cut = [tuple(values[read.slices] for values in level) for level, read in zip(levels, square.levels[1:], strict=True)]
+    own, ground = (height[square.around.slices], bands[square.around.slices]), np.zeros(square.places.shape, np.float32)
+    found = judged_square(square, ConfidenceLimits(), *own, ground, STEP, *zip(*cut, strict=True))
+    assert len(np.unique(found.confidence)) > 1
+    for tile in square.tiles:
+        alone = judge(height, bands, tile.window, coarser=levels)
+        for one, whole in zip(alone, found, strict=True):
+            assert one.dtype == whole.dtype
+            assert np.array_equal(one, whole[tile.window.within(window).slices], equal_nan=one.dtype.kind == "f")
 
 
 def test_a_judgement_is_about_a_cell_and_its_neighbours():
