@@ -21,7 +21,7 @@ from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.depots.side_by_side import side_by_side
 from orthomill.pipeline.storage.file_names import path_of
 from orthomill.pipeline.storage.map_axes import dimension_names, map_attributes, write_axes
-from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.pipeline.storage.tables.table_files import read_table, write_table
 from orthomill.pipeline.storage.zarr_arrays import put_array
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Raster, Table

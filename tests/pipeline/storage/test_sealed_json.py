@@ -7,7 +7,7 @@ from pydantic import BaseModel, RootModel
 
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
-from orthomill.pipeline.storage.table_files import read_table, write_table
+from orthomill.pipeline.storage.tables.table_files import read_table, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Table
 

@@ -1,5 +1,7 @@
 """Tables come back from their files as they went in."""
 
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from orthomill.pipeline.storage.depots.folder import Folder
-from orthomill.pipeline.storage.table_files import PIECE, read_table, write_table
+from orthomill.pipeline.storage.tables.arrow_columns import PIECE, arrow_of, numpy_of
+from orthomill.pipeline.storage.tables.table_files import read_table, write_table
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
 
@@ -61,3 +64,56 @@ def test_a_flipped_byte_in_a_long_table_is_not_read_as_another_number(tmp_path):
         path.write_bytes(content[:at] + bytes([content[at] ^ 4]) + content[at + 1 :])
         with pytest.raises(StoreError, match=r"a\.parquet is damaged or from another version"):
             read_table(Folder(tmp_path), path.name, Table("a.parquet", Bytes))
+
+
+@dataclass(frozen=True)
+class AllKinds(Columns):
+    text: np.ndarray
+    good: np.ndarray
+    number: np.ndarray
+    metres: np.ndarray
+
+
+@pytest.mark.parametrize("count", [0, 1, 9, 1000])
+def test_texts_truth_values_and_numbers_come_back(tmp_path, count):
+    draw = np.random.default_rng(count)
+    texts = np.array(["", "b\u00e9ton", "a"])[draw.integers(0, 3, count)]
+    value = AllKinds(texts, draw.random(count) < 0.5, draw.integers(-9, 9, count).astype(np.int16), draw.normal(size=count)[::-1])
+    write_table(Folder(tmp_path), "a.parquet", value)
+    found = read_table(Folder(tmp_path), "a.parquet", Table("a.parquet", AllKinds))
+    for name in ("text", "good", "number", "metres"):
+        own, other = getattr(value, name), getattr(found, name)
+        assert own.tolist() == other.tolist() and (name == "text" or own.dtype == other.dtype)
+    # As pyarrow's own conversion writes it, and reads it.
+    table = pa.table({name: pa.array(getattr(value, name)) for name in ("text", "good", "number", "metres")})
+    assert pq.read_table(tmp_path / "a.parquet").equals(table)
+
+
+def test_a_part_of_a_column_is_that_part():
+    for whole in (np.array(["x", "", "yz", "w"]), np.array([True, False, False, True]), np.arange(4, dtype=np.int32)):
+        assert numpy_of(pa.chunked_array([arrow_of(whole)[1:3], arrow_of(whole)[3:]])).tolist() == whole[1:].tolist()
+
+
+def test_a_missing_value_is_no_number(tmp_path):
+    pq.write_table(pa.table({"code": pa.array([1, None], pa.uint8()), "length": [0.5, 1.5]}), tmp_path / "a.parquet")
+    with pytest.raises(StoreError, match="is damaged or from another version"):
+        read_table(Folder(tmp_path), "a.parquet", Table("a.parquet", Mixed))
+
+
+_ALONE = """
+import sys
+from pathlib import Path
+from orthomill.pipeline.storage.store import Store
+from orthomill.schemas.job import Table
+from orthomill.schemas.observations import GroundPoints
+import numpy as np
+store, table = Store(Path(sys.argv[1])), Table("a/b.parquet", GroundPoints)
+store.write_table(table, GroundPoints(*(np.arange(3.0) for _ in range(9))))
+assert len(store.table(table)) == 3
+assert "pandas" not in sys.modules, "40 MiB of every worker"
+"""
+
+
+def test_a_table_takes_no_library_of_its_own(tmp_path):
+    done = subprocess.run([sys.executable, "-c", _ALONE, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr[-2000:]

@@ -14,12 +14,10 @@ from pydantic_core import to_json
 
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.sealed_json import seal, unsealed
+from orthomill.pipeline.storage.tables.arrow_columns import arrow_of, arrow_of_bytes, numpy_of
 from orthomill.schemas.errors import StoreError
 from orthomill.schemas.job import Columns, Table
-from orthomill.schemas.memory import MIB
 
-PIECE = MIB
-"""bytes of one binary value: to write a value takes eight times its size"""
 _PIECES = 16
 """binary values that are packed together"""
 
@@ -39,7 +37,7 @@ def _write(depot: Depot, name: str, value: Any) -> None:
     if isinstance(value, Columns):
         columns = {f.name: np.asarray(getattr(value, f.name)) for f in fields(value)}
         only_bytes = all(column.dtype == np.uint8 for column in columns.values())
-        arrays = {name: _pieces(column) if only_bytes else pa.array(column) for name, column in columns.items()}
+        arrays = {name: (arrow_of_bytes if only_bytes else arrow_of)(column) for name, column in columns.items()}
         # Dictionaries pay off for names and codes; measured values hardly repeat, but their first bytes are alike, side by side.
         measured = [name for name, column in columns.items() if column.dtype.kind == "f"]
         # Straight to the disk: in memory a file of a hundred megabytes would stand there three times while it grows.
@@ -57,35 +55,13 @@ def _write(depot: Depot, name: str, value: Any) -> None:
         depot.put(name, seal(to_json(value, indent=1, inf_nan_mode="constants")))
 
 
-def _pieces(column: np.ndarray) -> pa.Array:
-    """Bytes as a column of binary values."""
-    count = max(-(-column.size // PIECE), 1)
-    offsets = np.minimum(PIECE * np.arange(count + 1, dtype=np.int64), column.size)
-    data = pa.py_buffer(np.ascontiguousarray(column))
-    return pa.Array.from_buffers(pa.large_binary(), count, [None, pa.py_buffer(offsets), data])
-
-
-def _numbers(column: pa.ChunkedArray) -> np.ndarray:
-    if pa.types.is_large_binary(column.type):
-        # The bytes of all rows follow each other, whatever the rows.
-        parts = [_bytes(chunk) for chunk in column.chunks]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
-    return column.to_numpy(zero_copy_only=False)
-
-
-def _bytes(chunk: pa.Array) -> np.ndarray:
-    _, offsets, data = chunk.buffers()
-    ends = np.frombuffer(offsets, np.int64)[[chunk.offset, chunk.offset + len(chunk)]]
-    return np.frombuffer(data, np.uint8)[ends[0] : ends[1]] if data is not None else np.zeros(0, np.uint8)
-
-
 def read_table(depot: Depot, name: str, table: Table[Any]) -> Any:
     """The value of a stored table. Raises StoreError when it is absent or not of its type."""
     try:
         if issubclass(table.type, Columns):
             # One column after the other: all of them at once would be there twice, as stored and as numbers.
             with depot.local(name) as path, pq.ParquetFile(path, page_checksum_verification=True) as stored:
-                return table.type(**{f.name: _numbers(stored.read([f.name])[f.name]) for f in fields(table.type)})
+                return table.type(**{f.name: numpy_of(stored.read([f.name])[f.name]) for f in fields(table.type)})
         text = unsealed(depot.get(name))
         if text is None:
             raise ValueError("wrong checksum")
