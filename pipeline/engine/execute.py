@@ -18,7 +18,6 @@ from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_files import keep
 from orthomill.pipeline.storage.depots.side_by_side import side_by_side
-from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
 from orthomill.pipeline.storage.image_files import header_or_fault, picture_fault, read_pixels
 from orthomill.pipeline.storage.map_files import read_map, read_map_grid
 from orthomill.pipeline.storage.mesh_files import read_mesh
@@ -246,11 +245,16 @@ def read_file(root: Path, region: FileRegion) -> Any:
         from orthomill.pipeline.storage.features.outline_files import read_wanted_area
 
         return read_wanted_area(root / region.path, region.crs)
-    if isinstance(region, HeightHeader):
-        return read_height_grid(root / region.path, region)
-    if isinstance(region, HeightFile):
-        return read_heights(root / region.path, region)
+    if isinstance(region, HeightHeader | HeightFile):
+        return _read_heights(root / region.path, region)
     return _read_text(root / region.path)
+
+
+def _read_heights(path: Path, region: HeightHeader | HeightFile) -> Any:
+    # As clouds are: a surface may be one.
+    from orthomill.pipeline.storage.height_files import read_height_grid, read_heights
+
+    return read_heights(path, region) if isinstance(region, HeightFile) else read_height_grid(path, region)
 
 
 def _read_text(path: Path) -> str:

@@ -24,11 +24,9 @@ from lazrs import LazrsError
 from pydantic import BaseModel
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from orthomill.pipeline.export.clouds.joined_cloud import write_joined_cloud
 from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_PART, LAZ_OF_PARTS, LAZ_PART
 from orthomill.pipeline.export.geotiff.band_stack import Stack, describe, stack_of
 from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined
-from orthomill.pipeline.export.point_cloud import write_points
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
@@ -192,12 +190,17 @@ def _write_tiled(stack: Stack, store: ReadableStore, path: Path, profile: dict) 
 
 def _write_laz(export: Export, store: ReadableStore, path: Path) -> None:
     with _renamed_when_whole(path) as temporary:
+        # Read where it is asked for: laspy brings 23 MiB into the command and into every worker, of which few write point clouds.
+        from orthomill.pipeline.export.point_cloud import write_points
+
         write_points(export, store, temporary)
 
 
 def _write_laz_of_parts(export: Export, store: ReadableStore, path: Path) -> None:
     with _renamed_when_whole(path) as temporary, ExitStack() as opened:
         parts = [opened.enter_context(store.local(part)) for part in export.files]
+        from orthomill.pipeline.export.clouds.joined_cloud import write_joined_cloud
+
         write_joined_cloud(parts, temporary, temporary.parent)
 
 
