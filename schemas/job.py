@@ -18,7 +18,7 @@ from orthomill.schemas.raster import MapGrid, Window
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Raster:
     """A window of the raster called `name`."""
 
@@ -26,7 +26,7 @@ class Raster:
     window: Window
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Table(Generic[T]):
     """A table of the project, by its path under tables/: `*.json` holds a pydantic model, `*.parquet` a `Columns`."""
 
@@ -37,7 +37,7 @@ class Table(Generic[T]):
     """stages that may read it; None: all. The declaration of its writer counts."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PhotoPixels:
     """Pixels of an image file: (height, width, bands), in the file's own dtype and orientation. Window in file pixels."""
 
@@ -46,28 +46,28 @@ class PhotoPixels:
     window: Window
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PhotoHeader:
     """The validated header of an image file; arrives as an `orthomill.schemas.photo.Header`."""
 
     path: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PhotoPicture:
     """Whether the picture of an image file is whole; arrives as an `orthomill.schemas.photo.Soundness`."""
 
     path: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class TextFile:
     """A small text file of the project; arrives as `str`."""
 
     path: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class MapFile:
     """A window of a georeferenced raster file, resampled to `grid` in `crs`.
 
@@ -82,7 +82,7 @@ class MapFile:
     bands: int = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class MapHeader:
     """The extent of a georeferenced raster file; arrives as an `orthomill.schemas.raster.MapGrid` of its bounds in `crs`."""
 
@@ -90,7 +90,7 @@ class MapHeader:
     crs: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class MeshFile:
     """A mesh or a point cloud; arrives as an `orthomill.schemas.solid.mesh.TriangleMesh`, in the file's own units and system.
 
@@ -100,7 +100,7 @@ class MeshFile:
     path: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class CloudFile:
     """A point cloud (LAS, LAZ); arrives as an `orthomill.schemas.solid.cloud_points.CloudPoints`: metres in `crs`, heights in its
     vertical system where both name one. A file that names no system is taken to be in `crs`."""
@@ -109,7 +109,7 @@ class CloudFile:
     crs: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class AreaFile:
     """Polygons (GeoPackage, GeoJSON); arrives as an `orthomill.schemas.maps.wanted_area.WantedArea` in `crs`."""
 
@@ -117,7 +117,7 @@ class AreaFile:
     crs: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class HeightFile:
     """A window of a surface of the user, a GeoTIFF or a point cloud (LAS, LAZ), on `grid` in `crs`.
 
@@ -132,7 +132,7 @@ class HeightFile:
     """reference system of a file that names none"""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class HeightHeader:
     """The extent of such a file; arrives as an `orthomill.schemas.raster.MapGrid` of its bounds in `crs`, in cells as wide as its
     own or as the usual distance of its points."""
@@ -159,7 +159,7 @@ FileRegion = (
 Region = Raster | Table | FileRegion
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Stream:
     """Regions that are read one at a time, in their order, when the function asks for the next one.
 
@@ -181,7 +181,7 @@ def regions_of(reading: Reading) -> tuple[Region, ...]:
     return reading if isinstance(reading, tuple) else (reading,)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Job:
     """One unit of work. (stage, item, row, col) is its identity, its Dask key and its row in the records."""
 
@@ -206,7 +206,7 @@ class Job:
         return self.stage, self.item, self.row, self.col
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Export:
     """A file written from rasters, block by block; the path is relative to the run's folder.
 

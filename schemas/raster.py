@@ -18,7 +18,7 @@ ROUNDING = 1e-3
 Coordinates = TypeVar("Coordinates", float, np.ndarray)
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True, order=True, slots=True)
 class Window:
     """Rows [row, row + height) and columns [col, col + width) of a raster, in pixels."""
 
@@ -86,7 +86,7 @@ def enclosing(windows: Iterable[Window]) -> Window:
     return Window(row, col, bottom - row, right - col)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Tile:
     """One cell of a tiling: its place in the tiling, and its window."""
 

@@ -5,7 +5,7 @@ Because a writer must be known before its reader, jobs are in an order in which 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 
@@ -54,7 +54,7 @@ class NoWriter(Exception):
         self.what, self.stage = what, stage
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PlannedJob:
     """A job with everything the graph knows about it."""
 
@@ -67,10 +67,11 @@ class PlannedJob:
     """bytes of the rasters it writes, uncompressed"""
     data_bytes: int
     """bytes of all pixels that it reads and writes, whether or not they are in memory at the same time"""
+    key: Key = field(init=False)
+    """that of the job: one tuple, which everything that holds keys holds"""
 
-    @property
-    def key(self) -> Key:
-        return self.job.key
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "key", self.job.key)
 
 
 class Graph:
@@ -103,14 +104,15 @@ class Graph:
             raise GraphError(wrong)
         planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
         # A stage is planned again from its beginning whenever a table appears, and yields its earlier jobs again.
-        if job.key in self.jobs:
-            if self.jobs[job.key].fingerprint != planned.fingerprint:
-                raise GraphError(f"Two different jobs are called {job.key}.")
+        key = planned.key
+        if key in self.jobs:
+            if self.jobs[key].fingerprint != planned.fingerprint:
+                raise GraphError(f"Two different jobs are called {key}.")
             return None
-        self._claim_outputs(job)
-        self.jobs[job.key] = planned
+        self._claim_outputs(job, key)
+        self.jobs[key] = planned
         if isinstance(job, Export) and joins_parts(job):
-            self._joined.update((self._exporter(job.stage, path), job.key) for path in job.files)
+            self._joined.update((self._exporter(job.stage, path), key) for path in job.files)
         return planned
 
     def writer_of_table(self, path: str) -> Key | None:
@@ -279,20 +281,20 @@ class Graph:
         cols = range(window.col // wide, -(-(window.col + window.width) // wide))
         return product(rows, cols)
 
-    def _claim_outputs(self, job: Job | Export) -> None:
+    def _claim_outputs(self, job: Job | Export, key: Key) -> None:
         if isinstance(job, Export):
-            self._claim(self._file_writers, f"{self.run_folder}/{job.path}", job.key)
+            self._claim(self._file_writers, f"{self.run_folder}/{job.path}", key)
             return
         for output in job.writes.values():
             if isinstance(output, Table):
-                self._claim(self._table_writers, output.path, job.key)
+                self._claim(self._table_writers, output.path, key)
                 self._table_readers[output.path] = output.readers
                 continue
             spec = self.specs[output.name]
             if not aligned(output.window, spec.shape, spec.chunks):
-                raise GraphError(f"{job.key} writes {output.window} of {output.name}, which cuts its chunks of {spec.chunks[:2]}.")
+                raise GraphError(f"{key} writes {output.window} of {output.name}, which cuts its chunks of {spec.chunks[:2]}.")
             for chunk in self._chunks(output.name, output.window):
-                self._claim(self._chunk_writers, (output.name, *chunk), job.key)
+                self._claim(self._chunk_writers, (output.name, *chunk), key)
 
     def _claim(self, writers: dict, what: object, key: Key) -> None:
         other = writers.setdefault(what, key)

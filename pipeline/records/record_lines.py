@@ -7,6 +7,7 @@ counts is seen from its head; what it says is read from JSON when somebody asks.
 import json
 import zlib
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 Place = tuple[str, int, int]
@@ -38,6 +39,12 @@ def line_of(place: Place, status: str, started: float, text: bytes) -> bytes:
     return b"%08x\t%b\n" % (zlib.crc32(rest), rest)
 
 
+@lru_cache(maxsize=1024)
+def _item(text: bytes) -> str:
+    # Thousands of tiles have one name between them, which is read and kept once.
+    return str(json.loads(text.decode()))
+
+
 def read_lines(content: bytes, wave: int) -> Iterator[tuple[Place, RecordLine] | None]:
     """What the whole lines of a file say; None for one that is damaged."""
     for line in content.split(b"\n")[:-1]:
@@ -46,4 +53,4 @@ def read_lines(content: bytes, wave: int) -> Iterator[tuple[Place, RecordLine] |
             yield None
             continue
         status, started, row, col, item, text = rest.split(b"\t", _HEAD - 1)
-        yield (json.loads(item), int(row), int(col)), RecordLine(wave, STATUSES.index(status.decode()), float(started), text)
+        yield (_item(item), int(row), int(col)), RecordLine(wave, STATUSES.index(status.decode()), float(started), text)

@@ -6,6 +6,7 @@ leaves none of unfinished work: what a later wave says of a job counts, within a
 into one, `jobs/STAGE/WAVE.done`, when a run begins and ends. Earlier versions kept a file for each job; it counts as wave 0.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -22,10 +23,10 @@ DEFECTS = ("result is missing", "result is damaged")
 """The reasons to do again what an earlier run had done, and which nothing in the project has changed."""
 
 
-class Fingerprint(BaseModel):
+# A plain class, unlike the records that hold it: every job of a plan has one, and the other kind takes 340 bytes more.
+@dataclass(frozen=True, slots=True)
+class Fingerprint:
     """What a result depends on, in three digests."""
-
-    model_config = ConfigDict(frozen=True)
 
     settings: str
     code: str

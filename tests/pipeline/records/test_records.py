@@ -5,6 +5,7 @@ import resource
 import shutil
 import signal
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -106,7 +107,7 @@ def test_records_of_another_stage_count_as_none(records):
     assert Records(records.depot).of_stage("photos") == ()
 
 
-OTHER = {name: PRINT.model_copy(update={name: "x"}) for name in ("settings", "code", "inputs")}
+OTHER = {name: replace(PRINT, **{name: "x"}) for name in ("settings", "code", "inputs")}
 
 
 @pytest.mark.parametrize(
@@ -131,7 +132,7 @@ def test_a_changed_setting_is_named_before_changed_code_and_inputs():
     """The user changed the setting; that everything after it changes too is only a consequence."""
     changed = Fingerprint(settings="x", code="x", inputs="x")
     assert reason_to_run(record(), changed, {}, "missing") == "settings changed"
-    assert reason_to_run(record(), OTHER["inputs"].model_copy(update={"code": "x"}), {}, "missing") == "code changed"
+    assert reason_to_run(record(), replace(OTHER["inputs"], code="x"), {}, "missing") == "code changed"
 
 
 def test_every_part_of_a_fingerprint_counts_in_its_text():
