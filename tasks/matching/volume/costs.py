@@ -7,18 +7,20 @@ something else stands in front does not decide. All candidates of a cell are sor
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.matching.volume.candidates import CellRanges
+from orthomill.tasks.matching.volume.lowest_sums import exchanges, lowest_sums
 from orthomill.tasks.matching.volume.rectified_photograph import RectifiedPhotograph
 from orthomill.tasks.matching.volume.signatures import BITS, bits_set, no_signature
 
 COST_UNIT = 4
 """costs per bit of distance: means of several pairs are finer than a bit"""
-_UNKNOWN = np.uint8(255)
-"""distance of a pair of which one photograph does not show the candidate: sorted behind all others"""
+_BATCH = 512
+"""candidates that are compared together, at least: few enough that their distances stay in the nearest cache"""
 
 
 ALIKE = 1.25
@@ -87,8 +89,25 @@ def volume_costs(stack: PhotographStack, choice: Choice, candidates: CellRanges,
     blank = np.uint8(round(rules.blank * BITS[half] * COST_UNIT))
     images = stack.flat, stack.starts, stack.sizes, stack.planes
     where = choice.spacing, choice.preferred.astype(np.int16), choice.hidden
-    _costs(*images, *where, candidates.low, candidates.offset, stack.none, rules.most, rules.share, blank, cost)
+    cells = candidates.low, candidates.offset, stack.none, rules.most
+    _costs(*images, *where, *cells, _selections(rules), blank, cost)
     return cost
+
+
+class Selections(NamedTuple):
+    """How the best pairs are found: `take` (pairs + 1,) int64, how many of so many pairs; `exchanges` (n, 2), for one photograph
+    after the other, of which those of p photographs begin at `begins[p]`, see `lowest_sums`."""
+
+    take: np.ndarray
+    exchanges: np.ndarray
+    begins: np.ndarray
+
+
+def _selections(rules: Comparison) -> Selections:
+    most = rules.most * (rules.most - 1) // 2
+    lists = [exchanges(p * (p - 1) // 2) for p in range(rules.most + 1)]
+    take = np.ceil(rules.share * np.arange(most + 1) - 1e-6).astype(np.int64)
+    return Selections(take, np.concatenate(lists), np.cumsum([0, *map(len, lists)]))
 
 
 def photographs_at(stack: PhotographStack, hidden: np.ndarray, nearest: np.ndarray) -> np.ndarray:
@@ -157,67 +176,107 @@ def looked_up(flat, start, rows, cols, plane, r, c, none):
     return none
 
 
+@njit(inline="always")
+def _look_along(signatures, rows, cols, planes, r, c, none, at, out):
+    """Fill the first of `out` with the signatures of a photograph (rows x cols of them) at a cell and n planes, (3, n) numbers as
+    in `looked_up`; at: scratch, int32."""
+    scale, right, down = planes
+    n, x, y, half = scale.size, np.float32(c), np.float32(r), np.float32(0.5)
+    high, wide = np.float32(rows), np.float32(cols)
+    # In two loops, of which the first computes many places at a time.
+    for k in range(n):
+        col, row = scale[k] * x + right[k] + half, scale[k] * y + down[k] + half
+        inside = (col >= 0) & (row >= 0) & (col < wide) & (row < high)
+        at[k] = np.int32(row) * np.int32(cols) + np.int32(col) if inside else np.int32(-1)
+    for k in range(n):
+        out[k] = signatures[np.uint32(at[k])] if at[k] >= 0 else none
+
+
 @njit()
-def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, share, blank, cost):
+def _costs(flat, starts, sizes, planes, spacing, preferred, hidden, low, offset, none, most, selections, blank, cost):
     """Costs of every height of every cell, into `cost` (cells after each other, as `offset` says). flat: the signatures of all
     photographs in a row, which begin at `starts` (p,) and have `sizes` (p, 2); planes (p, levels): where a cell of a level lies in
     each; preferred: photographs in order of preference for every `spacing` cells; hidden (p, r, c): what does not see a cell; low
-    (r, c): its lowest level; none: the signature of no data; most: photographs at most; share: of their pairs, the best that
-    count; blank: distance of a pair of which one does not show the height."""
+    (r, c): its lowest level; none: the signature of no data; most: photographs at most; selections: how many of their pairs count,
+    and how they are found; blank: distance of a pair of which one does not show the height."""
     rows, cols = low.shape
-    count = starts.size
-    widest = 0
+    widest = _BATCH
     for i in range(rows * cols):
         widest = max(widest, offset[i + 1] - offset[i])
-    found = np.empty((most, widest), flat.dtype)
-    distance = np.empty((most * (most - 1) // 2, widest), np.uint8)
-    sums, taken = np.empty(widest, np.uint16), np.empty(widest, np.uint8)
-    take_of = np.array([np.uint8(np.ceil(share * q - 1e-6)) for q in range(most * (most - 1) // 2 + 1)])
-    chosen = np.empty(count, np.int64)
+    found, distance = np.empty((most, widest), flat.dtype), np.empty((most * (most - 1) // 2, widest), np.uint8)
+    scratch = distance, np.empty(widest, np.uint16), np.empty(widest, flat.dtype), np.empty(65, np.int64)
+    # Numbers of one kind side by side, so that many planes are computed at a time.
+    apart, at = np.ascontiguousarray(planes.transpose(2, 0, 1)), np.empty(widest, np.int32)
+    chosen = np.empty(starts.size, np.int64)
+    # Cells in a row that as many photographs show are treated as one: loops over the candidates of a single cell would be short.
+    photos, begin, end = 0, 0, 0
     for r in range(rows):
         for c in range(cols):
-            begin, end = offset[r * cols + c], offset[r * cols + c + 1]
-            n, first = end - begin, low[r, c]
+            first, n = low[r, c], offset[r * cols + c + 1] - end
             if n == 0:
                 continue
-            photos = choose(
+            shown = choose(
                 flat, starts, sizes, planes, preferred[r // spacing, c // spacing], hidden, r, c, first, n, none, most, chosen
             )
-            if photos < 2:
-                cost[begin:end] = 0
-                continue
-            for m in range(photos):
+            if shown != photos or end + n - begin > widest:
+                _compare(found, photos, none, selections, blank, scratch, cost[begin:end])
+                photos, begin = shown, end
+            for m in range(shown):
                 p = chosen[m]
-                for k in range(n):
-                    found[m, k] = looked_up(
-                        flat, starts[p], sizes[p, 0], sizes[p, 1], planes[p, first + k], np.float32(r), np.float32(c), none
-                    )
-            pairs = 0
-            for a in range(photos):
-                one = found[a]
-                for b in range(a + 1, photos):
-                    other, row = found[b], distance[pairs]
-                    for k in range(n):
-                        bits = np.uint8(bits_set(one[k] ^ other[k]))
-                        row[k] = _UNKNOWN if (one[k] | other[k]) >= none else bits
-                    pairs += 1
-            taken[:n] = 0
-            for q in range(pairs):
-                row = distance[q]
-                for k in range(n):
-                    taken[k] += row[k] != _UNKNOWN
+                places = apart[:, p, first : first + n]
+                _look_along(flat[starts[p] :], sizes[p, 0], sizes[p, 1], places, r, c, none, at, found[m, end - begin :])
+            end += n
+    _compare(found, photos, none, selections, blank, scratch, cost[begin:end])
+
+
+@njit()
+def _compare(found, photos, none, selections, blank, scratch, cost):
+    """Fill the costs (n,) of candidates whose signatures are the first n of `found` (p, N), by so many photographs. scratch:
+    rows of distances, of sums, of signatures, and the counts of one candidate."""
+    n = cost.size
+    if photos < 2:
+        cost[:] = 0
+        return
+    distance, sums, united, counts = scratch
+    united[:n] = found[0, :n]
+    pairs = 0
+    for a in range(photos):
+        one = found[a]
+        for b in range(a + 1, photos):
+            other, row = found[b], distance[pairs]
             for k in range(n):
-                taken[k] = take_of[taken[k]]
-            _partial_sort(distance, pairs, take_of[pairs], n)
-            sums[:n] = 0
-            for q in range(take_of[pairs]):
-                row = distance[q]
-                for k in range(n):
-                    sums[k] += row[k] if q < taken[k] else np.uint8(0)
-            here = cost[begin:end]
-            for k in range(n):
-                mean = np.float32(sums[k]) * np.float32(COST_UNIT) / np.float32(max(taken[k], 1)) + np.float32(0.5)
-                here[k] = np.uint8(mean) if taken[k] > 0 else blank
+                row[k] = np.uint8(bits_set(one[k] ^ other[k]))
+            pairs += 1
+        for k in range(n):
+            united[k] |= one[k]
+    take = selections.take[pairs]
+    order = selections.exchanges[selections.begins[photos] : selections.begins[photos + 1]]
+    lowest_sums(distance, pairs, take, order, n, sums)
+    for k in range(n):
+        cost[k] = np.uint8(np.float32(sums[k]) * np.float32(COST_UNIT) / np.float32(take) + np.float32(0.5))
+    for k in range(n):
+        if united[k] >= none:
+            cost[k] = _of_those_known(found[:photos, k], none, selections.take, blank, counts)
+
+
+@njit()
+def _of_those_known(found, none, take_of, blank, counts):
+    """The cost of a candidate that not all photographs (p,) show; counts: scratch, pairs by their distance."""
+    counts[:] = 0
+    pairs = 0
+    for a in range(found.size):
+        for b in range(a):
+            if found[a] < none and found[b] < none:
+                counts[bits_set(found[a] ^ found[b])] += 1
+                pairs += 1
+    if pairs == 0:
+        return blank
+    take = left = take_of[pairs]
+    total = 0
+    for bits in range(counts.size):
+        total += min(counts[bits], left) * bits
+        left -= min(counts[bits], left)
+    return np.uint8(np.float32(total) * np.float32(COST_UNIT) / np.float32(take) + np.float32(0.5))
 
 
 @njit(inline="always")
@@ -245,19 +304,6 @@ def choose(flat, starts, sizes, planes, preferred, hidden, r, c, first, n, none,
                 chosen[photos] = p
                 photos += 1
     return photos
-
-
-@njit(inline="always")
-def _partial_sort(rows, count, take, n):
-    """Moves, for each of n columns, the `take` lowest of `count` values to the first rows."""
-    for t in range(take):
-        best = rows[t]
-        for q in range(t + 1, count):
-            other = rows[q]
-            for k in range(n):
-                x, y = best[k], other[k]
-                best[k] = min(x, y)
-                other[k] = max(x, y)
 
 
 @njit()

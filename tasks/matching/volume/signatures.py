@@ -44,27 +44,32 @@ def signatures(grey: np.ndarray, half: int, stride: int) -> np.ndarray:
     reach = half * stride
     padded = np.pad(grey, reach, constant_values=np.nan)
     out = np.zeros(grey.shape, _TYPE[half])
-    _compare(padded, half, stride, out, _TYPE[half](1), no_signature(half))
+    _compare(padded, half, stride, np.empty((2, grey.shape[1]), np.uint32), out, no_signature(half))
     return out
 
 
 @njit()
-def _compare(padded, half, stride, out, one, none):
+def _compare(padded, half, stride, words, out, none):
     """Census signatures into `out` (r, c): a bit for every pixel within `half` steps of `stride` px, set where it is darker than
-    the centre; `none` without data. padded: the image, wider by the reach on all sides; one: 1 in the type of `out`."""
+    the centre; `none` without data. padded: the image, wider by the reach on all sides; words (2, c): scratch."""
     rows, cols = out.shape
-    reach = half * stride
+    reach, side = half * stride, 2 * half + 1
+    one, zero, middle = np.uint32(1), np.uint32(0), side * side // 2
     for r in range(rows):
         centre, row = padded[r + reach, reach : reach + cols], out[r]
-        for dy in range(-half, half + 1):
-            for dx in range(-half, half + 1):
-                if dx == 0 and dy == 0:
-                    continue
-                # The window runs outside and the columns inside, so that the inner loop is contiguous and vectorised.
-                first = reach + dx * stride
-                neighbour = padded[r + reach + dy * stride, first : first + cols]
-                for c in range(cols):
-                    row[c] = (row[c] << one) | (one if neighbour[c] < centre[c] else one - one)
+        words[:] = zero
+        for place in range(side * side):
+            if place == middle:
+                continue
+            # The window runs outside and the columns inside, so that the inner loop is contiguous and vectorised; bits are
+            # gathered in words as long as grey values, of which as many fit into a vector.
+            first = reach + (place % side - half) * stride
+            neighbour = padded[r + reach + (place // side - half) * stride, first : first + cols]
+            word = words[0] if half > 2 and place < middle else words[1]
+            for c in range(cols):
+                word[c] = (word[c] << one) | (one if neighbour[c] < centre[c] else zero)
+        for c in range(cols):
+            row[c] = (np.uint64(words[0, c]) << np.uint64(24)) | np.uint64(words[1, c])
         for c in range(cols):
             if centre[c] != centre[c]:
                 row[c] = none
