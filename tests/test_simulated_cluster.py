@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.scale.recorded_layout import JOINING, NOT_GROWING, Layout, enlarged, with_parts
+from benchmarks.scale.recorded_layout import BY_PHOTOGRAPH, JOINING, MORE_EACH, NOT_GROWING, Layout, enlarged, with_parts
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
 from orthomill.tasks.accuracy.promises import disjoint_photographs
+from orthomill.tasks.epipolar.measured_pairs import measured_pairs
+from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
+from orthomill.tasks.orientation.relative.pairs import relate_pairs
+from orthomill.tasks.photos.index import index_photos
 
 IDEAL = Cluster(1, dispatch=0.0, engine=0.0, latency=0.0)
 
@@ -22,8 +26,9 @@ def jobs_of(seconds: list[float], *before: tuple[int, ...]) -> Jobs:
 
 
 def layout_of(jobs: Jobs, once: list[bool]) -> Layout:
-    """A block of 10 Mpx."""
-    return Layout(10.0, 512, jobs, np.array(once), 0.0, np.ones(len(once), bool))
+    """A block of 10 Mpx in two photographs."""
+    every = np.ones(len(once), bool)
+    return Layout(10.0, 2, 512, jobs, np.array(once), 0.0, every, ~every)
 
 
 def test_independent_jobs_share_the_workers():
@@ -81,21 +86,30 @@ def test_a_job_longer_than_its_workers_live_begins_anew_again_and_again_until_it
 def test_what_has_an_end_does_not_grow_with_the_project():
     layout = layout_of(jobs_of([1.0, 10.0], (), (0,)), [False, True])
     bounded = replace(layout, growing=np.array([True, False]))
-    assert [simulated(enlarged(one, 40.0, 512), IDEAL._replace(workers=4)).clock for one in (layout, bounded)] == [41.0, 11.0]
+    assert [simulated(enlarged(one, 40.0, 8, 512), IDEAL._replace(workers=4)).clock for one in (layout, bounded)] == [41.0, 11.0]
 
 
-def test_functions_that_do_not_grow_are_functions():
+def test_what_sees_no_pixels_grows_with_the_photographs():
+    layout = layout_of(jobs_of([1.0, 10.0], (), (0,)), [False, True])
+    adjusted = replace(layout, by_photograph=np.array([False, True]))
+    for photographs, seconds in ((2, 10.0), (3, 10.0 * 1.5 * 1.5), (8, 10.0 * 4 * MORE_EACH)):
+        assert enlarged(adjusted, 4000.0, photographs, 512).seconds.max() == seconds
+    assert enlarged(layout, 4000.0, 8, 512).seconds.max() == 4000.0
+
+
+def test_functions_that_are_known_not_to_grow_are_functions():
     assert set(vars(disjoint_photographs)) >= NOT_GROWING
+    assert {one.__name__ for one in (orient_block, relate_pairs, index_photos, measured_pairs)} == BY_PHOTOGRAPH
 
 
 def test_a_project_of_four_blocks_waits_for_what_is_made_once():
     """Two tiles, one adjustment of both, two tiles that wait for it."""
     jobs = jobs_of([1.0, 1.0, 4.0, 1.0, 1.0], (), (), (0, 1), (2, 0), (2, 1))
     layout = layout_of(jobs, [False, False, True, False, False])
-    whole = enlarged(layout, 40.0, 512)
+    whole = enlarged(layout, 40.0, 8, 512)
     assert len(whole.seconds) == 4 * 4 + 1 and whole.seconds.sum() == 4 * jobs.seconds.sum()
     assert simulated(whole, IDEAL._replace(workers=8)).clock == 1.0 + 16.0 + 1.0
-    larger = enlarged(layout, 40.0, 1024)
+    larger = enlarged(layout, 40.0, 8, 1024)
     assert len(larger.seconds) == 5 and larger.seconds.sum() == whole.seconds.sum()
 
 
@@ -103,6 +117,6 @@ def test_a_large_file_is_a_part_for_each_block_and_a_job_that_joins_them():
     """A tile, a file of it, and a job that reads the file."""
     jobs = jobs_of([1.0, 10.0, 1.0], (), (0,), (1,))
     layout = layout_of(jobs, [False, True, True])
-    assert simulated(enlarged(layout, 40.0, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
-    parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 512)
+    assert simulated(enlarged(layout, 40.0, 8, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
+    parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 8, 512)
     assert simulated(parted, IDEAL._replace(workers=8)).clock == pytest.approx(1.0 + 10.0 + 40.0 * JOINING + 4.0)

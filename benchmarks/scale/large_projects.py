@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.instrument.result_page import write_page
-from benchmarks.scale.recorded_layout import JOINING, Layout, enlarged, layout_of
+from benchmarks.scale.recorded_layout import JOINING, MORE_EACH, Layout, enlarged, layout_of
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
 from orthomill.pipeline.engine.dask_runner import tasks_held
 from orthomill.pipeline.engine.workers.order_batches import seconds_of_task
@@ -38,6 +38,7 @@ class Project:
 
     name: str
     megapixels: float
+    photographs: float
     blocks: int = 1
 
     @property
@@ -45,11 +46,15 @@ class Project:
         """Megapixels of a block."""
         return self.megapixels / self.blocks
 
+    def jobs(self, layout: Layout, tile: int) -> Jobs:
+        """Those of a block."""
+        return enlarged(layout, self.block, self.photographs / self.blocks, tile)
 
-TOWN = Project("the town of `volos_full`, six photographs of 235 Mpx", 1411.0)
-COUNTY = Project("a county: 1000 photographs", 1000 * PHOTOGRAPH)
-CITY = Project("a city: 10 000 photographs", 10_000 * PHOTOGRAPH)
-COUNTRY = Project("a country: 40 Tpx in 40 blocks", 40e6, 40)
+
+TOWN = Project("the town of `volos_full`, six photographs of 235 Mpx", 1411.0, 6)
+COUNTY = Project("a county: 1000 photographs", 1000 * PHOTOGRAPH, 1000)
+CITY = Project("a city: 10 000 photographs", 10_000 * PHOTOGRAPH, 10_000)
+COUNTRY = Project("a country: 40 Tpx in 40 blocks", 40e6, 40e6 / PHOTOGRAPH, 40)
 
 
 def main(words: list[str]) -> None:
@@ -66,7 +71,8 @@ def page(name: str, layout: Layout) -> str:
         "",
         f"Jobs of `{name}` ({layout.megapixels:.0f} Mpx, {len(layout.once)} jobs, {layout.core_seconds:.1f} core-s per Mpx on the "
         "machine above), repeated side by side; what a project has once (its adjustment, files that are exported) takes as much "
-        "longer as the project is larger, but for jobs whose work has an end (samples). GeoTIFFs and point clouds of rasters are a "
+        "longer as the project is larger, but for jobs whose work has an end (samples) or goes by photograph, whatever its pixels "
+        f"(the adjustment: {MORE_EACH:g} times as long for each as in a block of six). GeoTIFFs and point clouds of rasters are a "
         f"part a block, and a job that joins them, which takes {100 * JOINING:.0f} % of the parts. The scheduler is busy for "
         f"{1000 * DISPATCH:.1f} ms with every task, which is a job or several short ones, a worker for "
         f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, and a worker reads and writes 100 MB/s. "
@@ -126,8 +132,8 @@ def _cluster(workers: int) -> Cluster:
 
 
 def _asked(project: Project, layout: Layout, tile: int) -> str:
-    jobs = enlarged(layout, project.block, tile)
-    count, photographs = len(jobs.seconds), project.block / PHOTOGRAPH
+    jobs = project.jobs(layout, tile)
+    count, photographs = len(jobs.seconds), project.photographs / project.blocks
     gets, puts = jobs.reads.sum() * project.blocks, jobs.writes.sum() * project.blocks
     return (
         f"| {project.name} | {tile} | {count * project.blocks:,} | {jobs.seconds.sum() * project.blocks / 3600:,.0f} | "
@@ -137,7 +143,7 @@ def _asked(project: Project, layout: Layout, tile: int) -> str:
 
 
 def _scaled(project: Project, layout: Layout, tile: int, numbers: tuple[int, ...]) -> Iterator[str]:
-    jobs = enlarged(layout, project.megapixels, tile)
+    jobs = project.jobs(layout, tile)
     for workers in numbers:
         outcome = simulated(jobs, _cluster(workers))
         yield (
@@ -148,12 +154,12 @@ def _scaled(project: Project, layout: Layout, tile: int, numbers: tuple[int, ...
 
 def _weak(layout: Layout, workers: int) -> str:
     size, tile = workers * TOWN.megapixels, 2048
-    outcome = simulated(enlarged(layout, size, tile), _cluster(workers))
+    outcome = simulated(enlarged(layout, size, workers * TOWN.photographs, tile), _cluster(workers))
     return f"| {size:,.0f} | {workers} | {tile} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} |"
 
 
 def _failures(layout: Layout) -> list[str]:
-    jobs, calm = enlarged(layout, COUNTY.megapixels, 2048), _cluster(100)
+    jobs, calm = COUNTY.jobs(layout, 2048), _cluster(100)
     undisturbed = simulated(jobs, calm)
     circumstances = {
         "nothing": calm,

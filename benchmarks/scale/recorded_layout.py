@@ -14,6 +14,7 @@ from orthomill.pipeline.forecast.known_costs import family_of
 from orthomill.pipeline.records.records import Record
 from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
 from orthomill.schemas.job import Export, Job, Stream
+from orthomill.schemas.photo import PHOTOS
 from orthomill.tasks.catalogue import STAGES
 
 JOINING = 0.1
@@ -22,15 +23,24 @@ JOINING = 0.1
 NOT_GROWING = {"photograph_differences"}
 """functions of jobs that a project has once, and that take as long in a large one: 300 points, of 2400 that are looked at at most.
 10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, and 5.7 for 1008 with 1.2 million rays"""
+BY_PHOTOGRAPH = {"orient_block", "relate_pairs", "index_photos", "measured_pairs"}
+"""functions of jobs that a project has once, and that see no pixels: they take as long as there are photographs, each of which has
+at most `max_features` points (8000), however large it is"""
+MORE_EACH = 2.0
+"""times as long for each photograph of a large block as for one of six: 1.39 and 0.79 CPU-s of orient_block in blocks of 41 and 42,
+0.62 in one of six with more rays each (0.13 and 0.06 in flights of 24 and 96 with few rays, `flights/measured_flight.py`); in the
+adjustment alone 43 ms of 50 photographs, 82 of 1000 (adjustment_growth.md)"""
 LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A block of so many megapixels. `once`: (N,) whether a job is made once for a whole project, however large."""
+    """A block of so many megapixels in so many photographs. `once`: (N,) whether a job is made once for a whole project, however
+    large."""
 
     megapixels: float
+    photographs: int
     tile: int
     jobs: Jobs
     once: np.ndarray
@@ -38,6 +48,8 @@ class Layout:
     """bytes that are kept, of a megapixel"""
     growing: np.ndarray
     """(N,) whether a job that is made once takes longer in a larger project"""
+    by_photograph: np.ndarray
+    """(N,) whether it does with the number of photographs, not with their pixels"""
 
     @property
     def core_seconds(self) -> float:
@@ -69,8 +81,10 @@ def layout_of(project: str) -> Layout:
     )
     megapixels = photograph_pixels(session) / 1e6
     stored = sum(kept.size for record in records if record for kept in record.files.values())
-    growing = np.array([family_of(planned)[1] not in NOT_GROWING for planned in kept])
-    layout = Layout(megapixels, session.project.tile, jobs, _once(kept), stored / megapixels, growing)
+    names = [family_of(planned)[1] for planned in kept]
+    settled, by_photograph = (np.array([name in known for name in names]) for known in (NOT_GROWING, BY_PHOTOGRAPH))
+    photographs = len(session.store.table(PHOTOS).photos)
+    layout = Layout(megapixels, photographs, session.project.tile, jobs, _once(kept), stored / megapixels, ~settled, by_photograph)
     return with_parts(layout, np.array([_goes_in_parts(planned) for planned in kept]))
 
 
@@ -104,7 +118,13 @@ def with_parts(layout: Layout, parted: np.ndarray) -> Layout:
         np.append(jobs.streamed, ones > 0),
     )
     more = np.ones(len(numbers), bool)
-    return replace(layout, jobs=larger, once=np.append(layout.once & ~parted, more), growing=np.append(layout.growing, more))
+    return replace(
+        layout,
+        jobs=larger,
+        once=np.append(layout.once & ~parted, more),
+        growing=np.append(layout.growing, more),
+        by_photograph=np.append(layout.by_photograph, ~more),
+    )
 
 
 def _bytes(planned: PlannedJob, record: Record | None) -> int:
@@ -124,11 +144,11 @@ def _once(kept: list[PlannedJob]) -> np.ndarray:
     ])  # fmt: skip
 
 
-def enlarged(layout: Layout, megapixels: float, tile: int) -> Jobs:
-    """The jobs of a project of so many megapixels with such tiles: blocks like this one side by side.
+def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -> Jobs:
+    """The jobs of a project of so many megapixels and photographs with such tiles: blocks like this one side by side.
 
-    With larger tiles a block has as many jobs and covers as much more. Jobs that are made once grow with the project, unless they
-    are known not to.
+    With larger tiles a block has as many jobs and covers as much more. Jobs that are made once grow with the project, by its pixels
+    or by its photographs, unless they are known not to.
     """
     jobs = layout.jobs
     copies = max(1, round(megapixels / layout.megapixels * (layout.tile / tile) ** 2))
@@ -136,7 +156,9 @@ def enlarged(layout: Layout, megapixels: float, tile: int) -> Jobs:
     numbers = np.where(layout.once, 1, copies)
     begins = np.concatenate(([0], np.cumsum(numbers)))
     growing = layout.once & layout.growing
-    factor = np.where(growing, grown * copies, np.where(layout.once, 1.0, grown))
+    each = max(photographs / layout.photographs, 1.0)
+    larger = np.where(layout.by_photograph, each * min(each, MORE_EACH), grown * copies)
+    factor = np.where(growing, larger, np.where(layout.once, 1.0, grown))
     more = np.where(growing, copies, 1)
     first, before = _repeated_dependencies(jobs, layout.once, begins, copies)
     return Jobs(
