@@ -20,15 +20,18 @@ from orthomill.tasks.catalogue import STAGES
 JOINING = 0.1
 """processor time of the job that joins the parts of a file, for that of all parts: 0.43 s for 4.22 s of heights and 0.34 s for
 3.55 s of an orthoimage of 8192 x 4200 px, 0.38 s for 6.5 s of a point cloud"""
-NOT_GROWING = {"photograph_differences"}
-"""functions of jobs that a project has once, and that take as long in a large one: 300 points, of 2400 that are looked at at most.
-10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, and 5.7 for 1008 with 1.2 million rays"""
+GROWING = {"photograph_differences": 0.0, "export areas codes": 0.3}
+"""share of a job that a project has once which takes longer in a larger one, where not all of it does: 300 points, of 2400 that are
+looked at at most (10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, 5.7 for 1008 with 1.2 million rays); outlines of a
+picture of 4000 px, for which all is read (0.4 to 0.7 of 1.8 CPU-s of volos)"""
+IN_SHEETS = {"join_contours"}
+"""functions of jobs that a project has for every sheet of some thousand cells: volos is one sheet"""
 BY_PHOTOGRAPH = {"orient_block", "relate_pairs", "index_photos", "measured_pairs"}
 """functions of jobs that a project has once, and that see no pixels: they take as long as there are photographs, each of which has
 at most `max_features` points (8000), however large it is"""
 MORE_EACH = 2.0
 """times as long for each photograph of a large block as for one of six: 1.39 and 0.79 CPU-s of orient_block in blocks of 41 and 42,
-0.62 in one of six with more rays each (0.13 and 0.06 in flights of 24 and 96 with few rays, `flights/measured_flight.py`); in the
+0.62 in one of six with more rays each (0.13, 0.06 and 0.07 in flights of 24, 96 and 400 with fewer rays, `flights/measured_flight.py`); in the
 adjustment alone 43 ms of 50 photographs, 82 of 1000 (adjustment_growth.md)"""
 LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
@@ -47,7 +50,7 @@ class Layout:
     stored: float
     """bytes that are kept, of a megapixel"""
     growing: np.ndarray
-    """(N,) whether a job that is made once takes longer in a larger project"""
+    """(N,) share of a job that is made once which takes longer in a larger project"""
     by_photograph: np.ndarray
     """(N,) whether it does with the number of photographs, not with their pixels"""
 
@@ -82,9 +85,10 @@ def layout_of(project: str) -> Layout:
     megapixels = photograph_pixels(session) / 1e6
     stored = sum(kept.size for record in records if record for kept in record.files.values())
     names = [family_of(planned)[1] for planned in kept]
-    settled, by_photograph = (np.array([name in known for name in names]) for known in (NOT_GROWING, BY_PHOTOGRAPH))
+    growing = np.array([GROWING.get(name, 1.0) for name in names])
+    by_photograph = np.array([name in BY_PHOTOGRAPH for name in names])
     photographs = len(session.store.table(PHOTOS).photos)
-    layout = Layout(megapixels, photographs, session.project.tile, jobs, _once(kept), stored / megapixels, ~settled, by_photograph)
+    layout = Layout(megapixels, photographs, session.project.tile, jobs, _once(kept), stored / megapixels, growing, by_photograph)
     return with_parts(layout, np.array([_goes_in_parts(planned) for planned in kept]))
 
 
@@ -122,7 +126,7 @@ def with_parts(layout: Layout, parted: np.ndarray) -> Layout:
         layout,
         jobs=larger,
         once=np.append(layout.once & ~parted, more),
-        growing=np.append(layout.growing, more),
+        growing=np.append(layout.growing, 1.0 * more),
         by_photograph=np.append(layout.by_photograph, ~more),
     )
 
@@ -139,7 +143,9 @@ def _once(kept: list[PlannedJob]) -> np.ndarray:
     more, and so do exports of a window, and points, of which large projects have a file a tile."""
     functions = Counter(family_of(one) for one in kept)
     return np.array([
-        one.job.window is None and one.job.format != "laz" if isinstance(one.job, Export) else functions[family_of(one)] == 1
+        one.job.window is None and one.job.format != "laz"
+        if isinstance(one.job, Export)
+        else functions[family_of(one)] == 1 and family_of(one)[1] not in IN_SHEETS
         for one in kept
     ])  # fmt: skip
 
@@ -155,11 +161,10 @@ def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -
     grown = megapixels / layout.megapixels / copies
     numbers = np.where(layout.once, 1, copies)
     begins = np.concatenate(([0], np.cumsum(numbers)))
-    growing = layout.once & layout.growing
     each = max(photographs / layout.photographs, 1.0)
     larger = np.where(layout.by_photograph, each * min(each, MORE_EACH), grown * copies)
-    factor = np.where(growing, larger, np.where(layout.once, 1.0, grown))
-    more = np.where(growing, copies, 1)
+    factor = np.where(layout.once, 1.0 + layout.growing * (larger - 1.0), grown)
+    more = np.where(layout.once & (layout.growing > 0), copies, 1)
     first, before = _repeated_dependencies(jobs, layout.once, begins, copies)
     return Jobs(
         np.repeat(jobs.seconds * factor, numbers),
