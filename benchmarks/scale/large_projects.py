@@ -71,8 +71,9 @@ def page(name: str, layout: Layout) -> str:
         "",
         f"Jobs of `{name}` ({layout.megapixels:.0f} Mpx, {len(layout.once)} jobs, {layout.core_seconds:.1f} core-s per Mpx on the "
         "machine above), repeated side by side; what a project has once (its adjustment, files that are exported) takes as much "
-        "longer as the project is larger, but for jobs whose work has an end (samples, pictures) or goes by photograph, whatever its pixels "
-        f"(the adjustment: {MORE_EACH:g} times as long for each as in a block of six). GeoTIFFs and point clouds of rasters are a "
+        "longer as the project is larger, but for jobs whose work has an end (samples, pictures) or goes by photograph, whatever "
+        f"its pixels (the adjustment: {MORE_EACH:g} times as long for each as in a block of six). "
+        "GeoTIFFs and point clouds of rasters are a "
         f"part a block, and a job that joins them, which takes {100 * JOINING:.0f} % of the parts. The scheduler is busy for "
         f"{1000 * DISPATCH:.1f} ms with every task, which is a job or several short ones, a worker for "
         f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, and a worker reads and writes 100 MB/s. "

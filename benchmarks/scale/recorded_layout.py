@@ -21,17 +21,17 @@ JOINING = 0.1
 """processor time of the job that joins the parts of a file, for that of all parts: 0.43 s for 4.22 s of heights and 0.34 s for
 3.55 s of an orthoimage of 8192 x 4200 px, 0.38 s for 6.5 s of a point cloud"""
 GROWING = {"photograph_differences": 0.0, "export areas codes": 0.3}
-"""share of a job that a project has once which takes longer in a larger one, where not all of it does: 300 points, of 2400 that are
-looked at at most (10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, 5.7 for 1008 with 1.2 million rays); outlines of a
-picture of 4000 px, for which all is read (0.4 to 0.7 of 1.8 CPU-s of volos)"""
+"""share of a job that a project has once which takes longer in a larger one, where not all of it does: 300 points, of 2400 that
+are looked at at most (10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, 5.7 for 1008 with 1.2 million rays); the
+outlines of a picture of 4000 px, for which all is read (0.4 to 0.7 of 1.8 CPU-s of volos)"""
 IN_SHEETS = {"join_contours"}
 """functions of jobs that a project has for every sheet of some thousand cells: volos is one sheet"""
 BY_PHOTOGRAPH = {"orient_block", "relate_pairs", "index_photos", "measured_pairs"}
 """functions of jobs that a project has once, and that see no pixels: they take as long as there are photographs, each of which has
 at most `max_features` points (8000), however large it is"""
 MORE_EACH = 2.0
-"""times as long for each photograph of a large block as for one of six: 1.39 and 0.79 CPU-s of orient_block in blocks of 41 and 42,
-0.62 in one of six with more rays each (0.13, 0.06 and 0.07 in flights of 24, 96 and 400 with fewer rays, `flights/measured_flight.py`); in the
+"""times as long for each photograph of a large block as for one of six: 1.39 and 0.79 CPU-s of orient_block in blocks of 41 and
+42, 0.62 in one of six with more rays each (0.13, 0.06 and 0.07 in simulated flights of 24, 96 and 400 with fewer rays); in the
 adjustment alone 43 ms of 50 photographs, 82 of 1000 (adjustment_growth.md)"""
 LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
