@@ -12,6 +12,7 @@ import numpy as np
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.tasks.colouring.edges.agreement import disagreement, with_agreement
 from orthomill.tasks.colouring.edges.likeness import REACH as COLOUR_REACH
 from orthomill.tasks.colouring.edges.likeness import Examples, Likeness, Side, likeness, spacing_of, supported
 from orthomill.tasks.colouring.edges.wall_surfaces import REACH as HEIGHT_REACH
@@ -26,7 +27,6 @@ AROUND = COLOUR_REACH + SUPPORT
 """cells around the sharpened pixels whose colours take part"""
 HALO = AROUND + HEIGHT_REACH + 1
 """cells around the sharpened pixels whose heights take part"""
-_CLEARLY = 3.0  # grey levels, as the noise of photographs: ground painted as roof shows it twice, so a roof must be seen clearly
 _STRIP = 32  # rows of pixels whose colours are held for all photographs
 
 
@@ -92,7 +92,7 @@ def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos:
     found = _likeness(walls, certain, photos, divisor)
     score, doubtful = found.score[place], walls.doubtful[place]
     # Where the photographs cannot tell, the surface model keeps its word.
-    raised = np.where(np.isnan(score), walls.side[place] == Side.UPPER, score < -_CLEARLY)
+    raised = np.where(np.isnan(score), walls.side[place] == Side.UPPER, score < 0)
     z = np.where(doubtful, np.where(raised, walls.upper[place], walls.lower[place]), ground.z)
     lower, upper = found.alike[(slice(None), slice(None), *place)]
     return SharpenedGround(replace(ground, z=z.astype(np.float32)), doubtful, np.where(raised, upper, lower))
@@ -127,7 +127,9 @@ def _likeness(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
             continue
         grounds = [walls.ground(z, rows) for z in (walls.upper, walls.lower)]
         (upper, lower), shown = _both(grounds, chosen, photos)
-        whole.score[rows], whole.alike[:, :, rows] = likeness(upper, lower, shown, examples, chosen, grounds[0].window, divisor)
+        found = likeness(upper, lower, shown, examples, chosen, grounds[0].window, divisor)
+        whole.score[rows] = with_agreement(found.score, disagreement(upper, shown, chosen))
+        whole.alike[:, :, rows] = found.alike
         for guide, values in zip(guides, (upper, lower), strict=True):
             _mean_shown(values, shown, guide[rows])
     return whole._replace(score=supported(whole.score, guides[0], guides[1], SUPPORT * divisor))
