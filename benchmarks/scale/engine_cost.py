@@ -10,6 +10,7 @@ import os
 import resource
 import tempfile
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -77,27 +78,27 @@ class Tiles(Stage):
 
 @dataclass
 class Cost:
-    """CPU seconds, and what the memory of the command grew by, bytes."""
+    """CPU seconds of the command and of its workers, and seconds."""
 
     own: float = 0.0
     workers: float = 0.0
-    grown: int = 0
     clock: float = 0.0
 
 
 @dataclass
 class Costs:
-    """Of one project of so many jobs."""
+    """Of one project of so many jobs, whose plan takes `plan_bytes`."""
 
     jobs: int
+    plan_bytes: int = 0
     parts: dict[str, Cost] = field(default_factory=dict)
 
     @contextmanager
     def part(self, name: str, pids: list[int]) -> Iterator[None]:
         """What happens inside counts for this part."""
-        own, others, memory, clock = time.process_time(), _cpu(pids), _resident(), time.monotonic()
+        own, others, clock = time.process_time(), _cpu(pids), time.monotonic()
         yield
-        self.parts[name] = Cost(time.process_time() - own, _cpu(pids) - others, _resident() - memory, time.monotonic() - clock)
+        self.parts[name] = Cost(time.process_time() - own, _cpu(pids) - others, time.monotonic() - clock)
 
 
 def _cpu(pids: list[int]) -> float:
@@ -105,8 +106,13 @@ def _cpu(pids: list[int]) -> float:
     return sum(one.user + one.system for one in times)
 
 
-def _resident() -> int:
-    return psutil.Process(os.getpid()).memory_info().rss
+def plan_bytes(session: Session) -> int:
+    """What the plan of a session takes, as Python counts it: what the process has of the system depends on what it held before."""
+    tracemalloc.start()
+    session.plan()
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return held
 
 
 def measured(root: Path, jobs: int, workers: int) -> Costs:
@@ -117,6 +123,7 @@ def measured(root: Path, jobs: int, workers: int) -> Costs:
     def session() -> Session:
         return Session(PROJECT.model_copy(update={"tile": CHUNK}), (stage,), root, lambda source: ())
 
+    costs.plan_bytes = plan_bytes(session())
     first = session()
     with costs.part("plan", []):
         first.plan()
@@ -167,5 +174,5 @@ def _line(costs: Costs) -> str:
     each = 1000 / costs.jobs
     return (
         f"| {costs.jobs} | {plan.own * each:.2f} | {run.own * each:.2f} | {run.workers * each:.2f} | {again.own * each:.2f} | "
-        f"{plan.grown / 1024 / costs.jobs:.1f} | {costs.jobs / run.clock:.0f} |"
+        f"{costs.plan_bytes / 1024 / costs.jobs:.1f} | {costs.jobs / run.clock:.0f} |"
     )
