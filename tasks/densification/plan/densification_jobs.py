@@ -96,7 +96,7 @@ def _object_space(asked: DensificationStage, view: ProjectView, surface: Surface
     pairs = view.table(PAIRS).pairs
     reach = None if matching.reach == "auto" else float(matching.reach)
     scene = VolumeScene(view.table(BLOCK), view.table(PHOTOS), surface, matching.volume, matching.guide, reach)
-    yield from volume_plan(scene, matching.confidence, view.project.tile, asked.kind, view.table(BLOCK).crs)
+    yield from volume_plan(scene, matching.confidence, pairs, view.project.tile, asked.kind, view.table(BLOCK).crs)
     for pair in pairs:
         yield from pair_plan(pair, surface, matching.pairs, view.project.tile, asked.kind)
     volume = {"height": JUDGED_HEIGHT, "judgement": JUDGEMENT, "confidence": CONFIDENCE}

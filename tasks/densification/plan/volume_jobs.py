@@ -3,12 +3,15 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.job import Job, MapFile, Raster, Reading, Region, Table
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
 from orthomill.schemas.photo import photo_raster
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window, map_raster, tiles_of
+from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile
+from orthomill.tasks.densification.plan.canopy_jobs import depth_maps, depth_plan, narrow
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, Guide, GuideFile
 from orthomill.tasks.densification.volume.confidence import JudgedSquare, judged_square
 from orthomill.tasks.densification.volume.guide_heights import guided_terrain
@@ -40,17 +43,22 @@ CONFIDENCE = "densification/volume/confidence"
 """uint8 codes of Confidence"""
 
 
-def volume_plan(scene: VolumeScene, limits: ConfidenceLimits, side: int, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def volume_plan(
+    scene: VolumeScene, limits: ConfidenceLimits, pairs: tuple[EpipolarPair, ...], side: int, stage: str, crs: str
+) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface.
 
-    side: cells; as many whole tiles as there are in it are judged by a job.
+    pairs: of the block, of which narrow ones have depth maps. side: cells; as many whole tiles as there are in it are judged by a
+    job.
     """
     yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs, scene.reach)
     for level in scene.levels:
         yield from volume_specs(level, crs)
         for tile in volume_tiles(level, scene):
             yield _job(tile, scene, stage)
-    yield from _judged(scene, limits, SIDE * max(side // SIDE, 1), stage, crs)
+    seen_alike = narrow(pairs)
+    yield from depth_plan(seen_alike, stage)
+    yield from _judged(scene, limits, seen_alike, SIDE * max(side // SIDE, 1), stage, crs)
 
 
 def guided_terrain_plan(
@@ -111,7 +119,9 @@ def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
     )
 
 
-def _judged(scene: VolumeScene, limits: ConfidenceLimits, side: int, stage: str, crs: str) -> Iterator[RasterSpec | Job]:
+def _judged(
+    scene: VolumeScene, limits: ConfidenceLimits, pairs: tuple[EpipolarPair, ...], side: int, stage: str, crs: str
+) -> Iterator[RasterSpec | Job]:
     """Which heights of the finest level count as measured, and those of coarser levels where they stand alone."""
     grid = scene.surface.grid
     yield map_raster(JUDGED_HEIGHT, grid, "float32", crs, side, nodata=float("nan"), unit="m")
@@ -130,15 +140,18 @@ def _judged(scene: VolumeScene, limits: ConfidenceLimits, side: int, stage: str,
         if coarser:
             reads["coarser_heights"] = tuple(Raster(volume_height(level), window) for level, window in coarser)
             reads["coarser_qualities"] = tuple(Raster(volume_quality(level), window) for level, window in coarser)
+        canopy = CanopyTile.of(scene.surface, tile.window, pairs) if pairs else None
+        if canopy and canopy.pieces:
+            reads["maps"] = depth_maps(canopy)
         yield Job(
             stage=stage,
             item="volume",
             function=judged_square,
             reads=reads,
             writes={key: Raster(name, tile.window) for key, name in names.items()},
-            params={"square": judging, "settings": limits, "step": scene.levels[-1].step},
+            params={"square": judging, "settings": limits, "step": scene.levels[-1].step, "canopy": canopy},
             row=tile.row,
             col=tile.col,
             # Running sums in int64 of two quantities and their slices; of the levels, five float64 bands and their copies.
-            scratch=max(array_bytes(280, one.around) for one in judging.tiles),
+            scratch=max(array_bytes(280, one.around) for one in judging.tiles) + (canopy.scratch if canopy else 0),
         )

@@ -5,10 +5,11 @@ them lies far away, and two photographs or more see all of its surroundings. Whe
 the next heights fit nearly as well) a pair that matched there decides. So it does where they are beaten less clearly than is usual,
 or not all of the surroundings are seen twice, but on even ground only: beside a wall both may prefer the surface next door. The
 others are estimates. In a wood or on water, where every leaf and wave has a height of its own that no neighbour shares, the surface
-is that of the finest level on which the place is coherent (coherent_levels.py).
+is the one that depth maps of single pairs agree on (canopy_heights.py), elsewhere that of the finest level on which the place is
+coherent (coherent_levels.py).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
@@ -17,6 +18,8 @@ import numpy as np
 from scipy import ndimage
 
 from orthomill.schemas.raster import Window, enclosing, tiles_of
+from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile, canopy_heights
+from orthomill.tasks.densification.canopy.depth_map import LEVEL as DEPTH_LEVEL
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import LevelWindows, shown_heights
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
@@ -52,6 +55,8 @@ _FAR = 18
 """cells on every side whose mean coherence says whether a height stands alone far and wide"""
 _COMPANY = 50
 """%, the mean coherence below which it does"""
+_SPARSE = 70
+"""%, the mean coherence below which depth maps of single pairs are asked: in a known wood 95 % of the crowns, 6 % of the rest"""
 
 
 @dataclass(frozen=True)
@@ -102,8 +107,13 @@ def judged_square(
     step: float,
     coarser_heights: tuple[np.ndarray, ...] = (),
     coarser_qualities: tuple[np.ndarray, ...] = (),
+    canopy: CanopyTile | None = None,
+    maps: Iterable[np.ndarray] = (),
 ) -> JudgedVolume:
-    """Every tile as `judged` does it alone; height, quality, terrain and those of the coarser levels: of the windows of all."""
+    """Every tile as `judged` does it alone; height, quality, terrain and those of the coarser levels: of the windows of all.
+
+    canopy: the depth maps around the square, None without any; maps: of its pieces, read where heights stand alone.
+    """
     shape = square.window.shape
     whole = JudgedVolume(np.empty(shape, np.float32), np.empty((*shape, len(Judgement)), np.uint8), np.empty(shape, np.uint8))
     for tile in square.tiles:
@@ -115,6 +125,11 @@ def judged_square(
         found = judged(tile, settings, height[around], quality[around], terrain[places], step, *map(tuple, coarser))
         for values, made in zip(whole, found, strict=True):
             values[tile.window.within(square.window).slices] = made
+    if canopy and canopy.pieces:
+        crowns = _sparse(quality, np.isfinite(height))[square.window.within(square.around).slices]
+        crowns &= whole.confidence != Confidence.HIGH
+        if crowns.any():
+            return _with_canopy(whole, crowns, canopy_heights(canopy, maps))
     return whole
 
 
@@ -156,6 +171,15 @@ def judged(
     return JudgedVolume(calmer, judgements, confidence)
 
 
+def _with_canopy(found: JudgedVolume, crowns: np.ndarray, canopy: np.ndarray) -> JudgedVolume:
+    """What depth maps agree on, heights (rows, cols) m or NaN, in place of those of `crowns` (rows, cols) bool."""
+    agreed = crowns & np.isfinite(canopy)
+    judgement = np.where(agreed[..., None], np.uint8(0), found.judgement)
+    judgement[..., Judgement.LEVEL] += np.where(agreed, np.uint8(DEPTH_LEVEL * LEVEL_UNIT), np.uint8(0))
+    confidence = np.where(agreed, np.uint8(Confidence.COARSE), found.confidence)
+    return JudgedVolume(np.where(agreed, canopy, found.height), judgement, confidence)
+
+
 def _coherent(limits: ConfidenceLimits, judged: np.ndarray) -> np.ndarray:
     """(rows, cols) bool from a judgement (rows, cols, 5): the surroundings go along."""
     return judged[..., Judgement.COHERENCE] >= 100 * limits.coherence
@@ -193,5 +217,14 @@ def _bordered(height: np.ndarray, enclosed: np.ndarray) -> np.ndarray:
 
 def _alone(quality: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: where the mean coherence of the surroundings is too low."""
+    return _around_below(_COMPANY, quality, known)
+
+
+def _sparse(quality: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(rows, cols) bool: where too few go along to trust that a height which fits all photographs is a leaf's."""
+    return known & _around_below(_SPARSE, quality, known)
+
+
+def _around_below(limit: int, quality: np.ndarray, known: np.ndarray) -> np.ndarray:
     total = box_sums(np.where(known, quality[..., Band.COHERENCE], 0), _FAR)
-    return total < _COMPANY * box_sums(known, _FAR)
+    return total < limit * box_sums(known, _FAR)

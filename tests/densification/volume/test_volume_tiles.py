@@ -49,7 +49,7 @@ def solved(planned: VolumeScene) -> MemoryProject:
     for name in planned.block.names:
         for level in range(LEVELS):
             engine.put(photo_raster(name, level), pyramid(name)[level])
-    for thing in volume_plan(planned, ConfidenceLimits(), 64, "densification", "EPSG:2100"):
+    for thing in volume_plan(planned, ConfidenceLimits(), (), 64, "densification", "EPSG:2100"):
         engine._take(thing)
     return engine
 
@@ -104,7 +104,7 @@ def test_one_photograph_alone_gives_nothing_and_reads_nothing():
 
 def test_the_tile_of_the_project_changes_nothing():
     assert SIDE % PLACE == HALO % PLACE == 0
-    for thing in volume_plan(scene(), ConfidenceLimits(), 64, "densification", "EPSG:2100"):
+    for thing in volume_plan(scene(), ConfidenceLimits(), (), 64, "densification", "EPSG:2100"):
         if isinstance(thing, Job):
             window = next(iter(thing.writes.values())).window
             assert window.row % SIDE == 0 and window.col % SIDE == 0
@@ -220,7 +220,7 @@ def test_photographs_that_no_place_compares_are_left_alone():
 
 
 def test_jobs_read_the_level_below():
-    for thing in volume_plan(scene(), ConfidenceLimits(), 64, "densification", "EPSG:2100"):
+    for thing in volume_plan(scene(), ConfidenceLimits(), (), 64, "densification", "EPSG:2100"):
         if isinstance(thing, Job) and thing.function is solve_volume:
             level = thing.params["tile"].level.number
             coarser = thing.reads.get("coarser")

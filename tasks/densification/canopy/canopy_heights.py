@@ -1,0 +1,90 @@
+"""The heights that the depth maps of narrow pairs agree on, over the cells of a tile."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from orthomill.schemas.epipolar import EpipolarPair
+from orthomill.schemas.memory import array_bytes
+from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.canopy.depth_map import STEP
+from orthomill.tasks.densification.canopy.votes import MOST, cast, elected, smoothed
+from orthomill.tasks.densification.ground_intersection import nodes_on_ground
+from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.geometry.epipolar_window import box_corners, node_window
+
+_COVERS = 1.0
+"""pixels of a depth map on every side of a place that it speaks for: its own half, and as much that its window mixes in"""
+_SMOOTH = 1.25
+"""pixels on every side over which heights are smoothed"""
+_WIDEST = 8
+"""cells on every side at most: a photograph from far away does not blur what others see from near"""
+
+
+@dataclass(frozen=True)
+class DepthPiece:
+    """The pixels `window` of the depth map of a pair."""
+
+    pair: EpipolarPair
+    window: Window
+
+
+@dataclass(frozen=True)
+class CanopyTile:
+    """The cells `window`, those `around` them whose heights they are smoothed from, and what is read of the depth maps."""
+
+    surface: Surface
+    window: Window
+    around: Window
+    smooth: int
+    """cells on every side"""
+    pieces: tuple[DepthPiece, ...]
+
+    @classmethod
+    def of(cls, surface: Surface, window: Window, pairs: tuple[EpipolarPair, ...]) -> "CanopyTile":
+        """pairs: those that have a depth map; one or more."""
+        grid = surface.grid
+        smooth = min(round(_SMOOTH * float(np.median([pixel_of(pair) for pair in pairs])) / grid.cell), _WIDEST)
+        around = window.grown(smooth).clipped(grid.shape)
+        corners = box_corners(grid, around.grown(_WIDEST), surface.height_low, surface.height_high)
+        pieces = (DepthPiece(pair, node_window(pair, STEP, corners)) for pair in pairs)
+        return cls(surface, window, around, smooth, tuple(piece for piece in pieces if not piece.window.empty))
+
+    @property
+    def scratch(self) -> int:
+        """Working memory of `canopy_heights`, bytes."""
+        largest = max((piece.window.cells for piece in self.pieces), default=0)
+        return array_bytes(4 * MOST + 24, self.around) + array_bytes(100, largest)
+
+
+def pixel_of(pair: EpipolarPair) -> float:
+    """Side of a pixel of the depth map on the mean ground, m."""
+    return ground_pixel(pair) * STEP
+
+
+def canopy_heights(tile: CanopyTile, maps: Iterable[np.ndarray]) -> np.ndarray:
+    """Heights (rows, cols) float32 m of the cells `tile.window`, NaN where too few maps agree; maps: parallaxes (rows, cols) px,
+    one for every piece of the tile, in their order."""
+    votes, count = np.empty((MOST, *tile.around.shape), np.float32), np.zeros(tile.around.shape, np.uint8)
+    highest = np.empty(tile.around.shape, np.float32)
+    for piece, parallax in zip(tile.pieces, maps, strict=True):
+        reach = min(_COVERS * pixel_of(piece.pair) / tile.surface.grid.cell, float(_WIDEST))
+        cast(votes, count, _places(tile, piece, parallax), reach, highest)
+    inner = tile.window.within(tile.around).slices
+    return smoothed(elected(votes, count), tile.smooth)[inner]
+
+
+def _places(tile: CanopyTile, piece: DepthPiece, parallax: np.ndarray) -> np.ndarray:
+    """Column and row in the cells around the tile, and height m (3, N), of the pixels of a depth map."""
+    # The centre of pixel k lies at STEP k + (STEP - 1) / 2 of the image.
+    half, pair = (STEP - 1) / 2, piece.pair
+    centred = pair.model_copy(update={"left_col0": pair.left_col0 - half, "row0": pair.row0 - half})
+    ground = nodes_on_ground(centred, np.stack([parallax, np.zeros_like(parallax)], axis=-1), piece.window, STEP)
+    grid: MapGrid = tile.surface.grid
+    col, row = grid.pixel(ground.x, ground.y)
+    within = (ground.z >= tile.surface.height_low) & (ground.z <= tile.surface.height_high)
+    height = np.where(within, ground.z, np.nan)
+    col = np.where(within, col - tile.around.col, np.nan)
+    return np.stack([col.ravel(), (row - tile.around.row).ravel(), height.ravel()])
