@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from village_pair import normal_case
 
 from orthomill.schemas.raster import MapGrid, Window
+from orthomill.schemas.surface import Surface
+from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile, DepthPiece
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
+from orthomill.tasks.densification.volume import confidence
 from orthomill.tasks.densification.volume.coherent_levels import standard_errors
 from orthomill.tasks.densification.volume.confidence import Confidence, JudgedSquare, JudgedTile, judged, judged_square
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, Band, Judgement, judgement, quality_bands
@@ -211,6 +215,34 @@ def test_tiles_of_one_job_are_judged_as_each_is_alone():
         for one, whole in zip(alone, found, strict=True):
             assert one.dtype == whole.dtype
             assert np.array_equal(one, whole[tile.window.within(window).slices], equal_nan=one.dtype.kind == "f")
+
+
+def test_depth_maps_are_asked_where_few_go_along(monkeypatch):
+    bands = quality(0.9)
+    bands[:, 52:, Band.COHERENCE] = 60
+    square = JudgedSquare.of(WHOLE, 32, SHAPES, TERRAIN_SHAPE)
+    coarser = [(np.zeros(shape, np.float32), quality(0.1, shape=shape)) for shape in SHAPES[1:]]
+    ground, canopy = np.zeros(square.places.shape, np.float32), np.full(SHAPE, 62.0, np.float32)
+    canopy[:, 90:] = np.nan
+    asked = []
+    monkeypatch.setattr(confidence, "canopy_heights", lambda tile, maps: asked.append(tile) or canopy)
+    surface = Surface(grid=MapGrid(west=0.0, north=0.0, cell=1.0, rows=SHAPE[0], cols=SHAPE[1]), height_low=0.0, height_high=90.0)
+    tile = CanopyTile(surface, WHOLE, WHOLE, 1, (DepthPiece(normal_case(1400), Window(0, 0, 1, 1)),))
+
+    levels = tuple(zip(*coarser, strict=True))
+
+    def judged_with(bands, *canopy):
+        return judged_square(square, ConfidenceLimits(), level(), bands, ground, STEP, *levels, *canopy)
+
+    plain, found = judged_with(bands), judged_with(bands, tile, iter(()))
+    crown = (slice(4, -4), slice(75, 86))
+    assert (found.height[crown] == 62).all() and (found.confidence[crown] == Confidence.COARSE).all()
+    assert standard_errors(found.judgement[..., Judgement.LEVEL] / LEVEL_UNIT, STEP)[crown] == pytest.approx(1.15 * STEP * 4)
+    for one, other in zip(plain, found, strict=True):
+        assert np.array_equal(one[:, :50], other[:, :50]) and np.array_equal(one[:, 90:], other[:, 90:])
+    assert len(asked) == 1
+    judged_with(quality(0.9), tile, iter(()))
+    assert len(asked) == 1, "maps are read only where they are needed"
 
 
 def test_a_judgement_is_about_a_cell_and_its_neighbours():
