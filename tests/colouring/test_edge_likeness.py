@@ -7,6 +7,7 @@ from orthomill.schemas.raster import Window
 from orthomill.tasks.colouring.edges.likeness import OTHER, REACH, SPREAD, Examples, Side, likeness, spacing_of, supported
 
 ROOF, GRASS, FACADE = np.array([200.0, 40.0, 40.0]), np.array([90.0, 120.0, 80.0]), np.array([230.0, 0.0, 230.0])
+SHADOW = np.array([30.0, 35.0, 25.0])
 DIVISOR = 2
 SPACING = 4
 SIDES = np.where(np.arange(40) < 20, Side.LOWER, Side.UPPER).astype(np.uint8)[None, :].repeat(40, 0)
@@ -24,7 +25,7 @@ def one(upper: list[np.ndarray], lower: list[np.ndarray], shown=None, sides=SIDE
 
 
 def test_a_roof_in_all_photographs_is_a_roof():
-    score, alike = one([ROOF, ROOF, ROOF], [ROOF, FACADE, ROOF])
+    score, alike = one([ROOF, ROOF, ROOF], [ROOF, ROOF, ROOF])
     assert score < -10 and alike[Side.UPPER - 1].all() and not alike[Side.LOWER - 1].any()
 
 
@@ -32,6 +33,14 @@ def test_ground_that_half_of_the_photographs_see_is_ground():
     """One photo sees the ground beside the wall, from the other the roof hides it; at the roof's height they see what is behind."""
     score, alike = one([GRASS, FACADE], [GRASS, ROOF])
     assert score > 10 and alike[Side.LOWER - 1].tolist() == [True, False]
+
+
+def test_ground_in_a_shadow_that_is_like_nothing_around_is_shown_by_photographs_that_do_not_show_the_roof():
+    assert one([GRASS, SHADOW, GRASS], [SHADOW, ROOF, SHADOW])[1][Side.LOWER - 1].tolist() == [True, False, True]
+
+
+def test_where_a_photograph_shows_the_ground_others_that_show_a_wall_do_not():
+    assert one([GRASS, FACADE, GRASS], [GRASS, FACADE, ROOF])[1][Side.LOWER - 1].tolist() == [True, False, False]
 
 
 def test_a_photograph_that_does_not_show_the_pixel_has_no_say():

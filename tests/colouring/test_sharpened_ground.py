@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_scene import BOX, CENTRES, DSM, ORTHO, ground_colour, heights, hits_box, render, view
+from box_scene import BOX, CENTRES, DSM, ORTHO, Vehicle, ground_colour, heights, hits_box, render, view
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.colouring.balance.photo_radiometry import Radiometry
@@ -108,3 +108,26 @@ def test_a_roof_that_looks_like_the_ground_is_found_by_the_agreement_of_photogra
     """By likeness alone 211 of its 1680 pixels are on the wrong surface."""
     found = made([with_grass_on_its_roof(photo) for photo in photos])
     assert np.count_nonzero(np.abs(found.ground.z - true_heights())[found.doubtful] > 1.0) < 60
+
+
+def beside_a_shadow(photos, cells: int) -> SharpenedGround:
+    """Shadow along the east wall, and the roof of the model `cells` too wide over it."""
+    shadow = Vehicle((BOX[1], BOX[1] + 4.0, BOX[2] - 2.0, BOX[3] + 2.0), (35.0, 40.0, 30.0))
+    shaded = [replace(photo, part=replace(photo.part, pixels=render(photo.view, shadow).astype(np.uint8))) for photo in photos]
+    model = heights()
+    model[52:68, 70 : 70 + cells] = BOX[4]
+    return sharpened(ground_of(model, CELLS, DSM, ORTHO, WHOLE), model, HeightModel(model, DSM, CELLS), shaded)
+
+
+def test_shadow_beside_a_wall_is_coloured_by_photographs_that_show_it(photos):
+    """Unlike the ground around it was left to the model, for which all photographs see it that in truth show the roof."""
+    found = beside_a_shadow(photos, 3)
+    strip = np.s_[110:130, 140:146]
+    assert np.count_nonzero(found.doubtful[strip]) > 30 and not (found.ground.z[strip][found.doubtful[strip]] > 1.0).any()
+    assert found.alike.any(axis=0)[strip][found.doubtful[strip]].all()
+
+
+def test_what_lies_beside_a_roof_that_the_model_has_too_wide_is_no_example_of_it(photos):
+    """Were it one, 25 pixels would be on the wrong surface."""
+    found = beside_a_shadow(photos, 5)
+    assert np.count_nonzero(np.abs(found.ground.z - true_heights())[found.doubtful] > 1.0) < 10

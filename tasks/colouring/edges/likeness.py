@@ -117,12 +117,12 @@ def _mean_of_better_half(distances, count):
 
 
 @njit()
-def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
-    """The score of a pixel at `place` (row, col); `low` (photos,) is work space."""
+def _score_pixel(upper, lower, shown, place, palette, counts, low, foreign, alike):
+    """The score of a pixel at `place` (row, col), of whose photos it fills `alike`; `low`, `foreign` (photos,) are work space."""
     photos, bands = upper.shape[0], upper.shape[3]
     r, c = place
     green, blue = min(1, bands - 1), bands - 1
-    count, own, other = 0, 0.0, 0.0
+    count, own, other, known = 0, 0.0, 0.0, False
     for p in range(photos):
         if shown[p, r, c]:
             at = upper[p, r, c]
@@ -136,7 +136,13 @@ def _score_pixel(upper, lower, shown, place, palette, counts, low, alike):
             # A wall or a car is like neither; where both surfaces look the same, the photograph is like either.
             alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground + _ALIKE
             alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= high + _ALIKE
+            known = known or alike[Side.LOWER - 1, p, r, c]
+            foreign[p] = high >= OTHER
             count += 1
+    if not known:
+        # Shadow beside a wall may be like no ground around: then the photographs show it that do not show the roof.
+        for p in range(photos):
+            alike[Side.LOWER - 1, p, r, c] = shown[p, r, c] and foreign[p]
     return (2.0 * own - other) / count - _mean_of_better_half(low, count) if count else np.nan
 
 
@@ -145,7 +151,8 @@ def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
     """Fills scores `out` (rows, cols) and `alike` (2, photos, rows, cols) of the `chosen` pixels, whose first row and column are
     `corner`; other arguments as of `likeness`."""
     photos, rows, cols, _ = upper.shape
-    palette, low = _Palette(np.empty((3, _MOST), np.float32), np.empty((3, _MOST), np.float32)), np.empty(photos)
+    palette = _Palette(np.empty((3, _MOST), np.float32), np.empty((3, _MOST), np.float32))
+    low, foreign = np.empty(photos), np.empty(photos, np.bool_)
     # Pixels of one cell share their examples; cells are counted from the corner of the orthoimage, not of these rows.
     size = lattice.divisor
     for cell_row in range(corner[0] // size, (corner[0] + rows - 1) // size + 1):
@@ -160,13 +167,14 @@ def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
             for r in range(top, bottom):
                 for c in range(left, right):
                     if chosen[r, c]:
-                        out[r, c] = _score_pixel(upper, lower, shown, (r, c), palette, counts, low, alike)
+                        out[r, c] = _score_pixel(upper, lower, shown, (r, c), palette, counts, low, foreign, alike)
 
 
 class Likeness(NamedTuple):
     """`score` float32 (rows, cols) grey levels: negative where the photographs show the upper surface, positive for the lower one;
     NaN where they cannot tell. `alike` bool (2, photos, rows, cols): whether the photo's colour at the lower (0) and at the upper
-    height (1) is that of the lower, and upper, surface rather than the other's."""
+    height (1) is that of the lower, and upper, surface rather than the other's; where no colour at the lower height is that of the
+    ground, whether it is not that of the roof."""
 
     score: np.ndarray
     alike: np.ndarray

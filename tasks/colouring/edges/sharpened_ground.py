@@ -27,6 +27,7 @@ AROUND = COLOUR_REACH + SUPPORT
 """cells around the sharpened pixels whose colours take part"""
 HALO = AROUND + HEIGHT_REACH + 1
 """cells around the sharpened pixels whose heights take part"""
+_SAME = 12.0  # grey levels: by so much, as a standard deviation, colours of one place of a roof differ among photographs
 _STRIP = 32  # rows of pixels whose colours are held for all photographs
 
 
@@ -182,14 +183,19 @@ def _examples(walls: _Walls, certain: HeightModel, photos: list[BalancedPhotogra
     ground = Ground(grid, nodes, z, flat, flat)
     x, y = grid.centres(nodes)
     targets = Targets(*certain.grid.pixel(x, y)[::-1], z, flat)
-    total, weights = np.zeros((*z.shape, bands_of(photos)), np.float32), np.zeros(z.shape, np.float32)
+    total, squares = np.zeros((2, *z.shape, bands_of(photos)), np.float32)
+    weights = np.zeros(z.shape, np.float32)
     for photo in photos:
         # Ground that a roof hides would show the roof.
         seen = visible_targets(certain, photo.view, targets, 0.5 * certain.grid.cell)
         sampled = photo.on(ground, seen.astype(np.float32), 0.0, total.shape[2])
         total += sampled.weight[..., None] * sampled.colour
+        squares += sampled.weight[..., None] * sampled.colour**2
         weights += sampled.weight
-    known = weights > 0
-    colours = np.where(known[..., None], total / np.where(known, weights, 1)[..., None], np.float32(0)).astype(np.float32)
+    each = np.where(weights > 0, weights, 1)[..., None]
+    colours = (total / each).astype(np.float32)
+    # The model's roofs may be too wide: beyond its edge every photograph shows another place, and their mean is the colour of none.
+    apart = np.sqrt(np.maximum(squares / each - colours**2, 0)).mean(axis=2)
+    known = (weights > 0) & ((walls.side[at] == Side.LOWER) | (apart < _SAME))
     sides = np.where(known, walls.side[at], Side.NEITHER).astype(np.uint8)
     return Examples(colours, sides, (nodes.row, nodes.col), spacing)
