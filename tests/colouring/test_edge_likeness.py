@@ -39,7 +39,11 @@ def test_ground_in_a_shadow_that_is_like_nothing_around_is_shown_by_photographs_
     assert one([GRASS, SHADOW, GRASS], [SHADOW, ROOF, SHADOW])[1][Side.LOWER - 1].tolist() == [True, False, True]
 
 
-def test_where_a_photograph_shows_the_ground_others_that_show_a_wall_do_not():
+def test_a_photograph_in_which_shadow_and_roof_mix_to_the_colour_of_ground_does_not_outvote_two_that_show_the_shadow():
+    assert one([GRASS] * 4, [GRASS, SHADOW, SHADOW, ROOF])[1][Side.LOWER - 1].tolist() == [False, True, True, False]
+
+
+def test_where_a_photograph_shows_the_ground_another_that_shows_a_wall_does_not():
     assert one([GRASS, FACADE, GRASS], [GRASS, FACADE, ROOF])[1][Side.LOWER - 1].tolist() == [True, False, False]
 
 

@@ -122,7 +122,7 @@ def _score_pixel(upper, lower, shown, place, palette, counts, low, foreign, alik
     photos, bands = upper.shape[0], upper.shape[3]
     r, c = place
     green, blue = min(1, bands - 1), bands - 1
-    count, own, other, known = 0, 0.0, 0.0, False
+    count, own, other, known, neither = 0, 0.0, 0.0, 0, 0
     for p in range(photos):
         if shown[p, r, c]:
             at = upper[p, r, c]
@@ -136,11 +136,12 @@ def _score_pixel(upper, lower, shown, place, palette, counts, low, foreign, alik
             # A wall or a car is like neither; where both surfaces look the same, the photograph is like either.
             alike[Side.UPPER - 1, p, r, c] = roof < OTHER and roof <= ground + _ALIKE
             alike[Side.LOWER - 1, p, r, c] = low[count] < OTHER and low[count] <= high + _ALIKE
-            known = known or alike[Side.LOWER - 1, p, r, c]
-            foreign[p] = high >= OTHER
+            foreign[p] = min(high, low[count]) >= OTHER
+            known += alike[Side.LOWER - 1, p, r, c]
+            neither += foreign[p]
             count += 1
-    if not known:
-        # Shadow beside a wall may be like no ground around: then the photographs show it that do not show the roof.
+    if neither > known:
+        # Shadow beside a wall may be like no ground around, and single photographs mix it with the roof to the colour of ground.
         for p in range(photos):
             alike[Side.LOWER - 1, p, r, c] = shown[p, r, c] and foreign[p]
     return (2.0 * own - other) / count - _mean_of_better_half(low, count) if count else np.nan
@@ -173,8 +174,8 @@ def _score(upper, lower, shown, lattice, corner, chosen, out, alike):
 class Likeness(NamedTuple):
     """`score` float32 (rows, cols) grey levels: negative where the photographs show the upper surface, positive for the lower one;
     NaN where they cannot tell. `alike` bool (2, photos, rows, cols): whether the photo's colour at the lower (0) and at the upper
-    height (1) is that of the lower, and upper, surface rather than the other's; where no colour at the lower height is that of the
-    ground, whether it is not that of the roof."""
+    height (1) is that of the lower, and upper, surface rather than the other's; where more photos show at the
+    lower height a colour of neither surface than one of the ground, whether it is of neither."""
 
     score: np.ndarray
     alike: np.ndarray
