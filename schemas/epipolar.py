@@ -54,6 +54,11 @@ class EpipolarPair(BaseModel):
     """standard errors of heights due to the orientation, m: (9,) at three rows and three columns of the left image, from the upper
     left to the lower right corner; empty where the orientation has no covariance"""
 
+    @property
+    def column_offset(self) -> float:
+        """Column parallax (column left - column right) minus parallax, px: parallaxes count from the principal columns."""
+        return self.left_col0 - self.right_col0
+
 
 class EpipolarPairs(BaseModel):
     """The pairs to be matched."""

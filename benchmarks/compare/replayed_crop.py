@@ -104,7 +104,7 @@ class Replay:
         corners = box_corners(surface.grid, Window(0, 0, *surface.grid.shape), surface.height_low, surface.height_high)
         for pair in self.crop.store.table(PAIRS).pairs:
             left = node_window(pair, 1, corners).grown(_BESIDE).clipped((pair.rows, pair.left_cols))
-            offset = pair.left_col0 - pair.right_col0
+            offset = pair.column_offset
             first, last = left.col - offset - pair.parallax_high, left.col + left.width - offset - pair.parallax_low
             right = Window(left.row, int(first), left.height, int(last - first)).clipped((pair.rows, pair.right_cols))
             if min(left.height, left.width, right.width) < 2 * _BESIDE:

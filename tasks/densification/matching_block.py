@@ -64,7 +64,7 @@ class PairBlock:
     def offset(self) -> float:
         """Column parallax minus parallax, px."""
         # Matching counts columns of the two rasters; the geometry counts from the principal columns, which differ.
-        return self.pair.left_col0 - self.pair.right_col0
+        return self.pair.column_offset
 
     @property
     def parallaxes(self) -> ParallaxRange:

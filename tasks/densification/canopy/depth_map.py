@@ -14,7 +14,7 @@ import numpy as np
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import Window
-from orthomill.tasks.matching.dense.blocks import ParallaxRange, placed, reduced
+from orthomill.tasks.matching.dense.blocks import ParallaxRange, placed, reduced, searched_window
 from orthomill.tasks.matching.dense.pair_start import PAIR_VOLUME, pair_start
 from orthomill.tasks.matching.smoothing import with_gaps
 
@@ -42,14 +42,10 @@ class DepthBlock:
     window: Window
 
     @property
-    def offset(self) -> float:
-        """Column parallax minus parallax, px."""
-        return self.pair.left_col0 - self.pair.right_col0
-
-    @property
     def parallaxes(self) -> ParallaxRange:
         """The column parallaxes that can occur, px."""
-        return ParallaxRange.around(self.pair.parallax_low + self.offset, self.pair.parallax_high + self.offset)
+        offset = self.pair.column_offset
+        return ParallaxRange.around(self.pair.parallax_low + offset, self.pair.parallax_high + offset)
 
     @property
     def whole_left(self) -> Window:
@@ -59,8 +55,7 @@ class DepthBlock:
     @property
     def whole_right(self) -> Window:
         """The pixels of the right image where they can be; may leave it."""
-        left, range_ = self.whole_left, self.parallaxes
-        return Window(left.row, left.col - range_.high, left.height, left.width + range_.high - range_.low)
+        return searched_window(self.whole_left, self.parallaxes)
 
     @property
     def left(self) -> Window:
@@ -93,7 +88,7 @@ def depth_block(block: DepthBlock, left: np.ndarray, right: np.ndarray | None = 
     # The right window begins farther to the left by the greatest parallax.
     found = confirmed(small_left, small_right, (range_.low - range_.high) / STEP, 0.0)
     inside = slice(_AROUND, _AROUND + block.window.height), slice(_AROUND, _AROUND + block.window.width)
-    return (found[inside] * STEP + np.float32(range_.high - block.offset)).astype(np.float32)
+    return (found[inside] * STEP + np.float32(range_.high - block.pair.column_offset)).astype(np.float32)
 
 
 def confirmed(left: np.ndarray, right: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -66,7 +66,7 @@ class NearModel(SearchRange):
     def columns(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest right column - left column (N,) of left points (N, 2), px; NaN where a ray misses the model."""
         assert self.pair is not None and self.posts is not None
-        offset = self.pair.left_col0 - self.pair.right_col0
+        offset = self.pair.column_offset
         parallax = parallax_intervals(self.pair, points, self.posts, _NEAREST, 0.0)
         low, high = (np.clip(-(parallax[:, end] + offset), self.col_low, self.col_high) for end in (2, 0))
         return low, high

@@ -43,7 +43,7 @@ class StrategyBlock:
     @property
     def offset(self) -> float:
         """Left minus right column of a parallax of 0, px."""
-        return self.pair.left_col0 - self.pair.right_col0
+        return self.pair.column_offset
 
     @property
     def search(self) -> SearchRange:

@@ -79,7 +79,11 @@ def left_window(core: Window) -> Window:
 
 def right_window(core: Window, parallaxes: ParallaxRange) -> Window:
     """The window of the right raster that a block reads; may leave the raster."""
-    left = left_window(core)
+    return searched_window(left_window(core), parallaxes)
+
+
+def searched_window(left: Window, parallaxes: ParallaxRange) -> Window:
+    """The window of the right raster where the pixels of a window of the left one can be; may leave the raster."""
     return Window(left.row, left.col - parallaxes.high, left.height, left.width + parallaxes.high - parallaxes.low)
 
 
