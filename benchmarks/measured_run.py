@@ -1,6 +1,7 @@
-"""Runs the command as a user would, in a folder of its own, and watches the memory of all its processes."""
+"""Runs the command as a user would, in a folder of its own, and watches the memory and processor time of all its processes."""
 
 import json
+import resource
 import shutil
 import subprocess
 import sys
@@ -16,9 +17,11 @@ from benchmarks.instrument.result_page import ROOT
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """One run of the command. Bytes are resident memory of the largest single process."""
+    """One run of a command. Bytes are resident memory of the largest single process; processor time is that of all its processes,
+    of users and of the system."""
 
     seconds: float
+    cpu_seconds: float
     peak_bytes: int
     code: int
     output: str
@@ -37,15 +40,24 @@ def project_root(folder: Path, *workflows: str) -> Path:
 
 def orthomill(root: Path, *words: str) -> MeasuredRun:
     """Run `orthomill WORDS` in `root`."""
-    started = time.monotonic()
-    command = [Path(sys.executable).parent / "orthomill", *words]
-    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return measured_command([Path(sys.executable).parent / "orthomill", *words], root)
+
+
+def measured_command(command: list[Path | str], folder: Path) -> MeasuredRun:
+    """Run a command in `folder`, alone among the children of this process."""
+    started, cpu = time.monotonic(), _children_seconds()
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     peak = [0]
     watcher = threading.Thread(target=_watch, args=(process.pid, peak), daemon=True)
     watcher.start()
     output, _ = process.communicate()
     seconds = time.monotonic() - started
-    return MeasuredRun(seconds, peak[0], process.returncode, output)
+    return MeasuredRun(seconds, _children_seconds() - cpu, peak[0], process.returncode, output)
+
+
+def _children_seconds() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _watch(pid: int, peak: list[int]) -> None:

@@ -62,10 +62,11 @@ _ALL = (
     Study(
         "time_by_stage",
         "time_by_stage",
-        "where the processor time goes, stage by stage",
-        "minutes",
+        "where the processor time goes, stage by stage, and beside another program on the same photographs",
+        "an hour",
         EVERYTHING,
-        words="[RUN ...]: finished runs",
+        f"{SHARED}; PyPI, where the other program is",
+        "[RUN or FLIGHT ...]: finished runs, projects and folders of photographs",
     ),
     Study("memory_growth", "memory_growth", "whether memory grows with area, and with pairs over one place", "an hour", EVERYTHING),
     Study(
