@@ -66,18 +66,21 @@ def _invert(V, out):
 @njit()
 def _point_block(point, linear, damping, V, right):
     """Writes the damped block V (3, 3) of a point and its right-hand side (3,), prior information included."""
-    V[:] = 0.0
-    for a in range(3):
-        V[a, a] = linear.point_weight[point, a]
-        right[a] = linear.point_weight[point, a] * linear.point_residual[point, a]
+    # In scalars: as elements of V every one of the sums would be loaded and stored again for every ray.
+    weight, prior = linear.point_weight[point], linear.point_residual[point]
+    v00, v11, v22, v01, v02, v12 = weight[0], weight[1], weight[2], 0.0, 0.0, 0.0
+    r0, r1, r2 = weight[0] * prior[0], weight[1] * prior[1], weight[2] * prior[2]
     for i in range(linear.first[point], linear.first[point + 1]):
         for k in range(2):
-            for a in range(3):
-                right[a] += linear.weight[i] * linear.jp[i, k, a] * linear.residual[i, k]
-                for b in range(3):
-                    V[a, b] += linear.weight[i] * linear.jp[i, k, a] * linear.jp[i, k, b]
-    for a in range(3):
-        V[a, a] *= 1.0 + damping
+            x, y, z, lack = linear.jp[i, k, 0], linear.jp[i, k, 1], linear.jp[i, k, 2], linear.residual[i, k]
+            wx, wy, wz = linear.weight[i] * x, linear.weight[i] * y, linear.weight[i] * z
+            r0, r1, r2 = r0 + wx * lack, r1 + wy * lack, r2 + wz * lack
+            v00, v01, v02 = v00 + wx * x, v01 + wx * y, v02 + wx * z
+            v11, v12, v22 = v11 + wy * y, v12 + wy * z, v22 + wz * z
+    right[0], right[1], right[2] = r0, r1, r2
+    V[0, 0], V[1, 1], V[2, 2] = v00 * (1.0 + damping), v11 * (1.0 + damping), v22 * (1.0 + damping)
+    V[0, 1], V[0, 2], V[1, 2] = v01, v02, v12
+    V[1, 0], V[2, 0], V[2, 1] = v01, v02, v12
 
 
 @njit()
@@ -247,9 +250,9 @@ def _precision(linear, pattern, values, direct):
         _multiply(pattern, values, cross, (count, m), QZ)
         # Q_pp = V^-1 + Z Q Z': the precision of the intersection, and that of orientation and cameras carried over.
         Q = inverse.copy()
-        for d in range(3):
-            for e in range(3):
-                for a in range(m):
+        for a in range(m):
+            for d in range(3):
+                for e in range(3):
                     Q[d, e] += cross.Z[d, a] * QZ[e, a]
         points[point] = Q
         for i in range(linear.first[point], linear.first[point + 1]):
@@ -276,14 +279,27 @@ def _multiply(pattern, values, cross, size, QZ):
             width = pattern.start[h + 1] - pattern.start[h]
             for a in range(pattern.start[g + 1] - pattern.start[g]):
                 base = pattern.offset[s] + a * width
-                for d in range(3):
-                    total, z = 0.0, Z[d, at + a]
+                _multiply_row(values[base : base + width], Z[:, other : other + width], QZ[:, at + a])
+                if h != g:
+                    z0, z1, z2 = Z[0, at + a], Z[1, at + a], Z[2, at + a]
                     for b in range(width):
-                        total += values[base + b] * Z[d, other + b]
-                    QZ[d, at + a] += total
-                    if h != g:
-                        for b in range(width):
-                            QZ[d, other + b] += values[base + b] * z
+                        q = values[base + b]
+                        QZ[0, other + b] += q * z0
+                        QZ[1, other + b] += q * z1
+                        QZ[2, other + b] += q * z2
+
+
+@njit()
+def _multiply_row(row, Z, out):
+    """Adds Z (3, w) times a row (w,) of a block to out (3,)."""
+    x, y, z = 0.0, 0.0, 0.0
+    for b in range(len(row)):
+        x += row[b] * Z[0, b]
+        y += row[b] * Z[1, b]
+        z += row[b] * Z[2, b]
+    out[0] += x
+    out[1] += y
+    out[2] += z
 
 
 @njit()
