@@ -5,21 +5,24 @@ follows the image measurements and, by G = -N^-1 B' A, the orientations and came
 that share tie points. Where a pair is not stored the covariance is not known, and no number is made up.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from orthomill.schemas.camera import INTERIOR
 from orthomill.schemas.orientation import Block
+from orthomill.tasks.geometry.distortion import distorted, distortion_derivatives
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.view import View, block_view
 
 MOST = 8
 """photographs of which a point is intersected: those that show it nearest to their middle"""
-_MOVE, _TURN, _CONSTANT, _LENS = 1e-3, 1e-6, 1e-2, 1e-6
-"""steps of central differences: m, radians, px, coefficients"""
+_TURN = 1e-6
+"""step of central differences, radians"""
+_DOWN = np.array([[1.0], [-1.0]])
+"""columns grow along x, rows against y"""
 
 
 @dataclass(frozen=True)
@@ -141,13 +144,12 @@ class StoredCovariance:
 
     def _by_orientation(self, view: View, point: np.ndarray) -> np.ndarray:
         """(2, 6): change of the pixel by X, Y, Z, omega, phi, kappa."""
-        angles = np.radians(self.block.of(view.name).omega_phi_kappa)
-
-        def pixel(moved: np.ndarray) -> np.ndarray:
-            turned = View(view.name, view.camera, rotation_matrix(*(angles + moved[3:])), view.centre + moved[:3])
-            return turned.project(point[None])[0]
-
-        return _change(pixel, np.zeros(6), np.array([_MOVE] * 3 + [_TURN] * 3))
+        angles, away = np.radians(self.block.of(view.name).omega_phi_kappa), point - view.centre
+        turns = [
+            (rotation_matrix(*(angles + turn)) - rotation_matrix(*(angles - turn))) @ away / (2 * _TURN)
+            for turn in np.eye(3) * _TURN
+        ]
+        return np.column_stack([-by_point(view, point), _by_place(view, point) @ np.column_stack(turns)])
 
 
 def _sum(first: dict[str, np.ndarray], second: dict[str, np.ndarray], factor: float) -> dict[str, np.ndarray]:
@@ -164,22 +166,21 @@ def _both_ways(entries: Iterable[tuple[str, str, np.ndarray]]) -> dict[tuple[str
 
 def by_point(view: View, point: np.ndarray) -> np.ndarray:
     """(2, 3): change of the pixel by X, Y, Z of the point."""
-    return _change(lambda moved: view.project((point + moved)[None])[0], np.zeros(3), np.full(3, _MOVE))
+    return _by_place(view, point) @ view.rotation
+
+
+def _by_place(view: View, point: np.ndarray) -> np.ndarray:
+    """(2, 3): change of the pixel by the coordinates of the point (3,) in the system of the camera."""
+    x, y, z = view.rotation @ (point - view.centre)
+    slopes, _ = distortion_derivatives(np.array([[-x / z, -y / z]]), view.numbers.lens)
+    ideal = np.array([[-1.0 / z, 0.0, x / z**2], [0.0, -1.0 / z, y / z**2]])
+    return np.asarray(_DOWN * view.camera.c * (slopes[0] @ ideal))
 
 
 def _by_interior(view: View, point: np.ndarray) -> np.ndarray:
     """(2, 17): change of the pixel by the interior parameters, 0 for those that the lens lacks."""
-    out = np.zeros((2, len(INTERIOR)))
-    for k, name in enumerate(INTERIOR):
-        if name in view.camera.parameters:
-            step, value = (_CONSTANT if k < 3 else _LENS), view.camera.value(name)
-            changed = (replace(view, camera=view.camera.changed(**{name: value + move})) for move in (step, -step))
-            more, less = (other.project(point[None])[0] for other in changed)
-            out[:, k] = (more - less) / (2 * step)
-    return out
-
-
-def _change(measured: Callable[[np.ndarray], np.ndarray], at: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Central differences (m, n) of `measured` (m,) by its n arguments."""
-    rows = [(measured(at + step) - measured(at - step)) / (2 * step.max()) for step in np.diag(steps)]
-    return np.column_stack(rows)
+    x, y, z = view.rotation @ (point - view.centre)
+    ideal, lens = np.array([[-x / z, -y / z]]), view.numbers.lens
+    _, partials = distortion_derivatives(ideal, lens)
+    by = np.column_stack([distorted(ideal, lens)[0], np.eye(2), view.camera.c * partials[0]])
+    return np.asarray(_DOWN * np.where(np.isin(INTERIOR, view.camera.parameters), by, 0.0))
