@@ -13,14 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 import yaml
+from scipy import ndimage
 
 import orthomill as library
 from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import run_folders, run_project
 from orthomill.schemas.raster import MapGrid, Window
-from orthomill.schemas.surface import HEIGHT, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
-from orthomill.schemas.truth import TRUTH_GRID, TRUTH_SURFACE, TRUTH_VISIBILITY
+from orthomill.schemas.surface import HEIGHT, ORTHO, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
+from orthomill.schemas.truth import TRUTH_GRID, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
 from orthomill.tasks.simulation.flight import scene_settings
 from orthomill.tasks.simulation.plan.simulation_jobs import flight_of
 from orthomill.tasks.simulation.scene.crowns import stamp_crowns, stand_at_rest
@@ -49,7 +51,7 @@ FLIGHT: dict[str, Any] = {
     "check": 0,
 }
 """45 m above the plain, trees up to 12 m: pixels of 0.075 m on the ground, overlaps of 85 and 70 %"""
-_STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "terrain", "evaluation")
+_STAGES = ("photos", "calibration", "tie_points", "orientation", "epipolar", "densification", "terrain", "texture", "evaluation")
 WORKFLOW = {
     "project": PROJECT,
     "crs": "EPSG:2100",
@@ -73,6 +75,8 @@ CANOPY = 2.0
 """m above the ground from which on a cell is canopy"""
 NEAR = 0.5
 """m: a height this near to the truth is right"""
+LEAF = 5
+"""cells over which the contrast of the orthoimage is judged"""
 FEWEST = 50
 """cells of a crown, and of a code, below which neither is judged"""
 
@@ -183,11 +187,32 @@ def terrain_rows(run: Path) -> Iterator[str]:
             yield f"| {code.replace('_', ' ')} | {figures[f'{head}rmse']['value']:.2f} m | {shares} % |"
 
 
+def orthoimage_rows(run: Path) -> Iterator[str]:
+    """How much of the true contrast between leaves the orthoimage shows, inside of crowns and on the open ground around."""
+    project, cells = library.open(run), wood_cells(run)
+    grid = project.table(SURFACE).grid
+    x, y = grid.centres(_around(_scene(), grid))
+    own, true = (_grey(project.raster(name), x, y) for name in (ORTHO, TRUTH_ORTHO))
+    crowns = ndimage.binary_erosion(cells.tree > 0, iterations=LEAF)
+    ground = ndimage.binary_erosion(cells.tree == 0, iterations=LEAF)
+    yield "| orthoimage | contrast within 0.5 m, of the true one |"
+    yield "| --- | --- |"
+    for name, here in (("crowns", crowns), ("open ground", ground)):
+        contrast = [np.std((grey - ndimage.uniform_filter(grey, LEAF))[here & cells.seen]) for grey in (own, true)]
+        yield f"| {name} | {100 * contrast[0] / contrast[1]:.0f} % |"
+
+
+def _grey(picture: xr.DataArray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """float64 (rows, cols): the mean of the bands at the pixels nearest to places, m."""
+    colours = picture.sel(x=x, y=y, method="nearest").values
+    return np.asarray(colours[..., :3].mean(axis=2, dtype=np.float64))
+
+
 def page(run: Path) -> str:
     """The page of results."""
     cells = wood_cells(run)
     lines = ["# A closed wood", "", (__doc__ or "").split("\n\n")[1].replace("\n", " ").strip(), ""]
-    return "\n".join([*lines, *crown_rows(cells), "", *code_rows(cells), "", *terrain_rows(run), ""])
+    return "\n".join([*lines, *crown_rows(cells), "", *code_rows(cells), "", *terrain_rows(run), "", *orthoimage_rows(run), ""])
 
 
 def main(words: list[str]) -> None:

@@ -20,6 +20,7 @@ from orthomill.tasks.colouring.balance.shared_ground import Samples, sample_rows
 from orthomill.tasks.colouring.blending.blending import Blended, blend
 from orthomill.tasks.colouring.blending.colour_rules import ColourRules
 from orthomill.tasks.colouring.blending.colour_sums import ColourSums, ColourTally
+from orthomill.tasks.colouring.blending.displacement import less_displaced
 from orthomill.tasks.colouring.blending.painting import rgba
 from orthomill.tasks.colouring.edges.sharpened_ground import AROUND, SharpenedGround, sharpened
 from orthomill.tasks.colouring.edges.sharpened_ground import HALO as WALL_HALO
@@ -118,11 +119,13 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 @dataclass(frozen=True)
 class _Scene:
     """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere;
-    and where it sees the ground next to a break of its depth, if the rules ask."""
+    and where it sees the ground next to a break of its depth, if the rules ask. `told` (rows, cols) bool: pixels whose surface the
+    photographs chose."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
     breaks: tuple[np.ndarray, ...]
+    told: np.ndarray
 
 
 def _targets(ground: Ground, dsm: MapGrid) -> Targets:
@@ -191,7 +194,8 @@ def _scene(
         sight = _at_walls(sight, sharp, k) if sharp else sight
         factors.append(occlusion_factor(sight, rules.widening_margin * extent.divisor, rules.widening_ramp * extent.divisor)[inner])
         breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.colours.breaks else np.zeros((0, 0), bool))
-    return _Scene(ground.part(core), tuple(factors), tuple(breaks))
+    told = sharp.doubtful & sharp.alike.any(axis=0) if sharp else np.zeros(rim.shape, bool)
+    return _Scene(ground.part(core), tuple(factors), tuple(breaks), told[inner])
 
 
 def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
@@ -212,10 +216,10 @@ def _at_pixels(cells: np.ndarray, place: Window, window: Window, divisor: int) -
 
 
 def _strip(
-    ground: Ground, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
+    ground: Ground, sigma: np.ndarray, scene: _Scene, photos: list[BalancedPhotograph], rules: TextureRules, top: int
 ) -> tuple[Blended, list[int], np.ndarray]:
-    """The blended strip, the pixels that each photo sees, and which is the heaviest at a pixel. Colours are in the block's
-    radiometry."""
+    """The blended strip, whose heights have the standard errors `sigma` (rows, cols) m, the pixels that each photo sees, and which
+    is the heaviest at a pixel. Colours are in the block's radiometry."""
     shape = len(photos), *ground.z.shape
     colours, weights = np.zeros((*shape, bands_of(photos)), np.float32), np.zeros(shape, np.float32)
     for i, photo in enumerate(photos):
@@ -223,6 +227,7 @@ def _strip(
         # Corrected before blending: rejection compares colours, and a gain of some per cent would look like a gross error.
         found = Sampled(colours[i], weights[i], np.zeros(shape[1:], np.float32))
         photo.fill(found, ground, factor, rules.colours.border(photo.view.camera))
+    less_displaced(weights, ground, sigma, np.array([photo.view.centre for photo in photos]))
     broken = np.stack([each[top : top + len(ground.z)] for each in scene.breaks]) if rules.colours.breaks and photos else None
     heaviest = weights.argmax(axis=0) if photos else np.zeros(ground.z.shape, np.int64)
     return blend(colours, weights, rules.colours.blend, broken), [int(np.count_nonzero(weight)) for weight in weights], heaviest
@@ -282,6 +287,9 @@ def texture_tile(
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
+    unsure = np.where(known, precision, np.float32(np.nan))[core]
+    # At walls photographs chose between two heights, in place of the one whose standard error this is.
+    sigma = np.where(scene.told, np.float32(0.0), _at_pixels(unsure, extent.core, extent.window, extent.divisor))
     wanted = _at_pixels(rules.wanted.cells(extent.dsm, extent.core), extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
@@ -291,9 +299,8 @@ def texture_tile(
     known_as = np.array([1 + block.names.index(view.name) for view in views] or [0], np.uint16)
     for top in range(0, height, STRIP):
         window = Window(extent.window.row + top, extent.window.col, min(STRIP, height - top), width)
-        strip = scene.ground.part(window)
-        blended, sees, heaviest = _strip(strip, scene, showing, rules, top)
-        rows = slice(top, top + window.height)
+        strip, rows = scene.ground.part(window), slice(top, top + window.height)
+        blended, sees, heaviest = _strip(strip, sigma[rows], scene, showing, rules, top)
         ortho[rows], coverage[rows], rejected[rows] = rgba(blended, rules.bits), blended.seen, blended.rejected
         source[rows] = np.where(blended.used > 0, known_as[heaviest], 0)
         tally.add(blended)
