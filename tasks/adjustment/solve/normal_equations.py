@@ -112,7 +112,7 @@ def _merge(point, linear, pattern, cross):
                 width = pattern.start[g + 1] - pattern.start[g]
                 cross.W[:, m : m + width] = 0.0
                 m += width
-            at = cross.place[g] + column - pattern.start[g]
+            at = np.uint64(cross.place[g] + column - pattern.start[g])
             for b in range(3):
                 cross.W[b, at] += linear.weight[i] * (
                     linear.jg[i, 0, a] * linear.jp[i, 0, b] + linear.jg[i, 1, a] * linear.jp[i, 1, b]
@@ -179,16 +179,20 @@ def _eliminate(linear, pattern, damping, values, right):
 @njit()
 def _subtract_row(g, pattern, cross, values):
     """Subtracts W' Z from the blocks of group g with the groups of the point."""
-    W, Z, at = cross.W, cross.Z, cross.place[g]
+    W, Z, at = cross.W, cross.Z, np.uint64(cross.place[g])
+    end = at + np.uint64(pattern.start[g + 1] - pattern.start[g])
     for s in range(pattern.first[g], pattern.first[g + 1]):
-        other = cross.place[pattern.partner[s]]
-        if other < 0:
+        h = pattern.partner[s]
+        if cross.place[h] < 0:
             continue
-        width = pattern.start[pattern.partner[s] + 1] - pattern.start[pattern.partner[s]]
-        for a in range(pattern.start[g + 1] - pattern.start[g]):
-            z0, z1, z2, base = Z[0, at + a], Z[1, at + a], Z[2, at + a], pattern.offset[s] + a * width
+        # Unsigned: of an index that may be negative every single access asks whether it counts from the end.
+        other, base = np.uint64(cross.place[h]), np.uint64(pattern.offset[s])
+        width = np.uint64(pattern.start[h + 1] - pattern.start[h])
+        for a in range(at, end):
+            z0, z1, z2 = Z[0, a], Z[1, a], Z[2, a]
             for b in range(width):
                 values[base + b] -= z0 * W[0, other + b] + z1 * W[1, other + b] + z2 * W[2, other + b]
+            base += width
 
 
 @njit()
@@ -270,36 +274,29 @@ def _multiply(pattern, values, cross, size, QZ):
     QZ[:, :m] = 0.0
     for n in range(count):
         g = cross.groups[n]
-        at = cross.place[g]
+        at, height = np.uint64(cross.place[g]), np.uint64(pattern.start[g + 1] - pattern.start[g])
         for s in range(pattern.first[g], pattern.first[g + 1]):
             h = pattern.partner[s]
-            other = cross.place[h]
-            if other < 0:
+            if cross.place[h] < 0:
                 continue
-            width = pattern.start[h + 1] - pattern.start[h]
-            for a in range(pattern.start[g + 1] - pattern.start[g]):
-                base = pattern.offset[s] + a * width
-                _multiply_row(values[base : base + width], Z[:, other : other + width], QZ[:, at + a])
+            other, base = np.uint64(cross.place[h]), np.uint64(pattern.offset[s])
+            width = np.uint64(pattern.start[h + 1] - pattern.start[h])
+            for a in range(at, at + height):
+                x, y, z = 0.0, 0.0, 0.0
+                for b in range(width):
+                    q = values[base + b]
+                    x, y, z = x + q * Z[0, other + b], y + q * Z[1, other + b], z + q * Z[2, other + b]
+                QZ[0, a] += x
+                QZ[1, a] += y
+                QZ[2, a] += z
                 if h != g:
-                    z0, z1, z2 = Z[0, at + a], Z[1, at + a], Z[2, at + a]
+                    x, y, z = Z[0, a], Z[1, a], Z[2, a]
                     for b in range(width):
                         q = values[base + b]
-                        QZ[0, other + b] += q * z0
-                        QZ[1, other + b] += q * z1
-                        QZ[2, other + b] += q * z2
-
-
-@njit()
-def _multiply_row(row, Z, out):
-    """Adds Z (3, w) times a row (w,) of a block to out (3,)."""
-    x, y, z = 0.0, 0.0, 0.0
-    for b in range(len(row)):
-        x += row[b] * Z[0, b]
-        y += row[b] * Z[1, b]
-        z += row[b] * Z[2, b]
-    out[0] += x
-    out[1] += y
-    out[2] += z
+                        QZ[0, other + b] += q * x
+                        QZ[1, other + b] += q * y
+                        QZ[2, other + b] += q * z
+                base += width
 
 
 @njit()
