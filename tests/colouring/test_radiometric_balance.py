@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import sparse
 
 from orthomill.tasks.colouring.balance import radiometric_balance
 from orthomill.tasks.colouring.balance.balancing import balanced_block
@@ -169,3 +170,15 @@ def test_a_photograph_beside_its_place_does_not_lose_its_contrast():
     torn = np.where(np.asarray(made.photo) == 2, rng.normal(90.0, 30.0, len(made)), made.first).astype(np.float32)
     found = balance_block(NAMES, Samples(made.point, made.photo, made.r2, torn, torn, torn), 255.0, False)
     assert all(0.4 < photo.gain[0] < 1.5 for photo in found.photos)
+
+
+def test_the_datum_is_no_part_of_the_matrix_that_is_factorised_and_the_solution_is_the_same():
+    """Its rows touch every photograph: with them the equations of a long strip would be full."""
+    rng, photos, hard = np.random.default_rng(3), 60, 1e7
+    strip = sparse.diags_array(
+        [np.full(4 * photos - 4, -40.0), np.full(4 * photos, 100.0), np.full(4 * photos - 4, -40.0)], offsets=[-4, 0, 4]
+    )
+    right, datum = rng.normal(size=4 * photos), radiometric_balance._datum(photos)
+    found = radiometric_balance._solved(sparse.csc_matrix(strip), right, datum, hard)
+    np.testing.assert_allclose(found, np.linalg.solve(strip.toarray() + hard * datum.T @ datum, right), rtol=1e-7, atol=1e-9)
+    assert np.abs(datum @ found).max() < 1e-6, "the sums of the gains and of the offsets stay"

@@ -6,7 +6,7 @@ middle of their line, along it, readable from the south.
 Source: Autodesk, DXF Reference (R12 entities, which every CAD reads).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -18,30 +18,37 @@ _COLOURS = {False: 8, True: 30}
 """number of the colour of a layer: grey, orange for index lines"""
 _TEXT_HEIGHT = 0.004
 """share of the width of the drawing"""
+_PLACE = " 10\n%.4f\n 20\n%.4f\n 30\n%.4f\n"
+"""a place, m: codes and values"""
 
 
 def write_drawing(path: Path, layers: tuple[Layer, ...]) -> None:
     """The lines, outlines and points as a file at `path`."""
     with path.open("w", encoding="ascii", errors="replace", newline="\r\n") as target:
-        for code, value in _pairs(layers):
-            target.write(f"{code:>3}\n{value}\n")
+        target.writelines(_blocks(layers))
 
 
-def _pairs(layers: tuple[Layer, ...]) -> Iterator[tuple[int, str]]:
+def _blocks(layers: tuple[Layer, ...]) -> Iterator[str]:
+    """The file in pieces, none longer than a line of the map."""
     features = [feature for layer in layers for feature in layer.features]
     places = np.concatenate([f.places for f in features]) if features else np.zeros((1, 3))
     low, high = places.min(axis=0), places.max(axis=0)
-    yield from _header(low, high)
+    yield _text_of(_header(low, high))
     texts = {(_text_layer(f), False) for f in features if f.text}
-    yield from _tables(texts | {(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max()))
+    yield _text_of(_tables(texts | {(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max())))
     size = max(_TEXT_HEIGHT * float((high[:2] - low[:2]).max()), 0.01)
-    yield from ((0, "SECTION"), (2, "ENTITIES"))
+    yield _text_of([(0, "SECTION"), (2, "ENTITIES")])
     for layer in layers:
         for feature in layer.features:
-            yield from _point(feature) if layer.kind == "point" else _polyline(feature, layer.kind == "area")
+            yield _text_of(_point(feature)) if layer.kind == "point" else _polyline(feature, layer.kind == "area")
             if feature.text:
-                yield from _text(feature, size)
-    yield from ((0, "ENDSEC"), (0, "EOF"))
+                yield _text_of(_label(feature, size))
+    yield _text_of([(0, "ENDSEC"), (0, "EOF")])
+
+
+def _text_of(pairs: Iterable[tuple[int, str]]) -> str:
+    """Codes and values as lines."""
+    return "".join(f"{code:>3}\n{value}\n" for code, value in pairs)
 
 
 def _header(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[int, str]]:
@@ -65,16 +72,21 @@ def _tables(used: set[tuple[str, bool]], width: float) -> Iterator[tuple[int, st
     yield from ((0, "ENDTAB"), (0, "ENDSEC"))
 
 
-def _polyline(feature: Feature, closed: bool) -> Iterator[tuple[int, str]]:
+def _polyline(feature: Feature, closed: bool) -> str:
     places = feature.places
     # 8: a polyline in space, 1: closed; the first vertex of a closed one is not repeated.
     ring = closed or (len(places) > 2 and bool((places[0] == places[-1]).all()))
-    yield from ((0, "POLYLINE"), (8, feature.layer or "0"), (66, "1"), (70, "9" if ring else "8"))
-    yield from _place(np.zeros(3))
-    for place in places[:-1] if ring else places:
-        yield from ((0, "VERTEX"), (8, feature.layer or "0"), (70, "32"))
-        yield from _place(place)
-    yield (0, "SEQEND")
+    name = feature.layer or "0"
+    head = ((0, "POLYLINE"), (8, name), (66, "1"), (70, "9" if ring else "8"), *_place(np.zeros(3)))
+    # All vertices of a line are formatted at once: they are most of a drawing, and take most of its time.
+    vertex = _text_of([(0, "VERTEX"), (8, _literal(name)), (70, "32")]) + _PLACE
+    drawn = places[:-1] if ring else places
+    return _text_of(head) + (vertex * len(drawn)) % tuple(drawn.ravel().tolist()) + _text_of([(0, "SEQEND")])
+
+
+def _literal(name: str) -> str:
+    """A name in a text that is formatted."""
+    return name.replace("%", "%%")
 
 
 def _point(feature: Feature) -> Iterator[tuple[int, str]]:
@@ -82,7 +94,7 @@ def _point(feature: Feature) -> Iterator[tuple[int, str]]:
     yield from _place(feature.places[0])
 
 
-def _text(feature: Feature, size: float) -> Iterator[tuple[int, str]]:
+def _label(feature: Feature, size: float) -> Iterator[tuple[int, str]]:
     at = len(feature.places) // 2
     along = feature.places[min(at + 1, len(feature.places) - 1)] - feature.places[max(at - 1, 0)]
     angle = (np.degrees(np.arctan2(along[1], along[0])) + 90) % 180 - 90 if len(feature.places) > 1 else 0.0

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry, corrected
@@ -82,12 +82,25 @@ def _prior(photos: int, vignetting: bool) -> tuple[np.ndarray, np.ndarray]:
     return np.tile([1.0, 0.0, 0.0, 0.0], photos), np.tile(sigma**-2.0, photos)
 
 
-def _datum(photos: int) -> sparse.csr_matrix:
-    """Two rows: the sum of the gains and the sum of the offsets."""
+def _datum(photos: int) -> np.ndarray:
+    """(2, 4 photos): the sum of the gains and the sum of the offsets."""
     # Gains and offsets are free together: G -> a G + b changes no grey value when all gains and offsets follow.
-    columns = np.concatenate([np.arange(photos) * TERMS, np.arange(photos) * TERMS + 3])
-    rows = np.repeat([0, 1], photos)
-    return sparse.csr_matrix((np.ones(2 * photos), (rows, columns)), shape=(2, photos * TERMS))
+    rows = np.zeros((2, photos, TERMS))
+    rows[0, :, 0] = rows[1, :, 3] = 1.0
+    return rows.reshape(2, -1)
+
+
+def _solved(normal: sparse.csc_matrix, right: np.ndarray, datum: np.ndarray, hard: float) -> np.ndarray:
+    """The solution of (normal + hard datum.T datum) x = right, where two rows of the datum (2, N) touch every unknown.
+
+    Added to the normal equations they would fill them, and time would grow with the cube of the photographs: 8.7 CPU-s a round of
+    1024 instead of 0.3.
+    Source: the matrix inversion lemma (Woodbury 1950).
+    """
+    # The normal equations are symmetric, and their diagonal is large enough to be the pivots.
+    factors = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    free, moved = factors.solve(right), factors.solve(datum.T.copy())
+    return np.asarray(free - moved @ np.linalg.solve(np.eye(2) / hard + datum @ moved, datum @ free))
 
 
 class _Reduced(NamedTuple):
@@ -187,9 +200,8 @@ def _solve_channel(channel: _Channel, vignetting: bool) -> np.ndarray:
         prior = found.variance * TOGETHER * weights
         right = found.right + prior * (expected - x)
         # Without the datum a darker ground under larger gains fits as well: the equations would be singular but for the prior.
-        normal = found.normal + sparse.diags_array(prior) + hard * (datum.T @ datum)
         right = right + hard * (datum.T @ (datum @ (expected - x)))
-        dx = spsolve(sparse.csc_matrix(normal), right)
+        dx = _solved(sparse.csc_matrix(found.normal + sparse.diags_array(prior)), right, datum, hard)
         x += dx
         moved = (found.coupling * dx.reshape(-1, TERMS)[channel.photo]).sum(axis=1)
         ground += (found.ground_right - np.bincount(channel.point, moved, channel.points)) / found.ground_normal

@@ -80,6 +80,18 @@ def test_points_and_areas_without_a_system_are_read_as_well(tmp_path):
     assert pyogrio.read_info(tmp_path / "b.gpkg", layer="footprints")["features"] == 1
 
 
+def test_a_line_of_a_drawing_has_the_codes_and_values_of_each_vertex_whatever_its_layer_is_called(tmp_path):
+    places = np.array([[407000.12345, -0.00001, 12.5], [407001.0, 4357000.5, 13.0]])
+    write_drawing(tmp_path / "c.dxf", (Layer("lines", "line", (Feature(places, {}, layer="5 %.4f {0}"),)),))
+    found = (tmp_path / "c.dxf").read_bytes().decode().split("ENTITIES\r\n")[1]
+    head = [(0, "POLYLINE"), (8, "5 %.4f {0}"), (66, "1"), (70, "8"), (10, "0.0000"), (20, "0.0000"), (30, "0.0000")]
+    vertices = []
+    for x, y, z in places:
+        vertices += [(0, "VERTEX"), (8, "5 %.4f {0}"), (70, "32"), (10, f"{x:.4f}"), (20, f"{y:.4f}"), (30, f"{z:.4f}")]
+    expected = [*head, *vertices, (0, "SEQEND"), (0, "ENDSEC"), (0, "EOF")]
+    assert found == "".join(f"{code:>3}\r\n{value}\r\n" for code, value in expected)
+
+
 def test_a_drawing_is_read_by_another_program_with_layers_line_types_and_heights(tmp_path):
     ezdxf = pytest.importorskip("ezdxf")
     path = tmp_path / "c.dxf"
