@@ -1,5 +1,7 @@
 """The whole stage on a rendered pair: surface against truth, tiles against the whole, the report."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from memory_runner import MemoryProject
@@ -24,7 +26,10 @@ from orthomill.schemas.surface import (
     Provenance,
 )
 from orthomill.tasks.densification.matching_block import PairTile, match_pair_block, match_pair_tile, sum_matching
+from orthomill.tasks.densification.plan import surface_jobs
+from orthomill.tasks.densification.plan.densification_jobs import surface_rules
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster, outcome_raster, pair_plan
+from orthomill.tasks.densification.plan.surface_jobs import TIES, SurfacePlan
 from orthomill.tasks.densification.plan.volume_jobs import JUDGED_HEIGHT
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits, GuideFile
 from orthomill.tasks.densification.settings.surface_settings import MeasuredOnly
@@ -121,6 +126,24 @@ def test_any_tile_size_gives_the_same_bits(seen, engine):
     assert {Provenance.ONE_PAIR, Provenance.VOLUME, Provenance.INCOHERENT} <= set(np.unique(whole.rasters[PROVENANCE]))
     for name in (HEIGHT, PRECISION, RELATIVE_PRECISION, DATUM_PRECISION, COUNT, PROVENANCE):
         assert np.array_equal(engine.rasters[name], whole.rasters[name], equal_nan=True)
+
+
+def test_tie_points_of_a_large_surface_are_looked_at_part_by_part_with_the_same_result(seen, engine, monkeypatch):
+    whole = engine.tables[TIES.path]
+    assert whole.points > 200 and sum(whole.distances) == whole.points
+    assert sum(key[1] == "tie-points-of" for key in engine.keys) == 1, "most surfaces are one part"
+    monkeypatch.setattr(surface_jobs, "SHEET", 200)
+    plan = SurfacePlan("densification", "EPSG:2100", 96, surface_rules(STAGE))
+    *parts, joined = plan._ties(engine.tables[SURFACE.path], (seen[1].pair,))
+    assert len(parts) == 4 and all(len(job.params["windows"]) > 1 for job in parts)
+    again = replace(
+        engine, tables={path: one for path, one in engine.tables.items() if "tie_points/" not in path and path != TIES.path}
+    )
+    for job in (*parts, joined):
+        again._execute(job)
+    shares = [again.tables[f"densification/tie_points/{row}-{col}.json"].points for row in (0, 1) for col in (0, 1)]
+    assert min(shares) > 0 and max(shares) < whole.points
+    assert again.tables[TIES.path] == whole
 
 
 def test_blocks_of_one_job_find_what_each_finds_alone(seen, engine):

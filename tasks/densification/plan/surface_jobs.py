@@ -21,7 +21,7 @@ from orthomill.schemas.surface import (
 )
 from orthomill.tasks.densification.plan.pair_jobs import nodes_raster
 from orthomill.tasks.densification.points import points_bytes
-from orthomill.tasks.densification.precision.tie_points import TieCounts, around, tie_counts
+from orthomill.tasks.densification.precision.tie_points import TieCounts, around, sum_ties, tie_counts
 from orthomill.tasks.densification.surface_grid import parallax_height
 from orthomill.tasks.densification.surface_tile import (
     PairPiece,
@@ -35,6 +35,8 @@ from orthomill.tasks.geometry.epipolar_window import box_corners, node_window
 
 CELLS = Table("densification/cells.json", SurfaceStatistics)
 TIES = Table("densification/tie_points.json", TieCounts)
+SHEET = 4096
+"""cells along a part of the surface whose tie points are looked at in one job, about: most surfaces are one part"""
 _HEIGHTS = {"height": HEIGHT, "precision": PRECISION, "relative": RELATIVE_PRECISION, "datum": DATUM_PRECISION}
 """float rasters of the surface, by the name of the band"""
 
@@ -82,27 +84,39 @@ class SurfacePlan:
             tables.append(Table(f"densification/cells/{tile.row}-{tile.col}.json", SurfaceStatistics))
             yield self._tile(source, pairs, tile, tables[-1])
         yield Job(stage=self.stage, item="cells", function=sum_surface, reads={"parts": tuple(tables)}, writes={"sum": CELLS})
-        yield self._ties(source.surface, pairs)
+        yield from self._ties(source.surface, pairs)
         yield Export(self.stage, "dsm", "products/dsm.tif", "cog", rasters=_HEIGHTS)
         yield Export(
             self.stage, "provenance", "products/dsm_provenance.tif", "cog", rasters={"provenance": PROVENANCE, "count": COUNT}
         )
 
-    def _ties(self, surface: Surface, pairs: tuple[EpipolarPair, ...]) -> Job:
+    def _ties(self, surface: Surface, pairs: tuple[EpipolarPair, ...]) -> Iterator[Job]:
         """The tie points against the finished surface, whatever it was made from."""
-        windows = tuple(tile.window for tile in tiles_of(surface.grid.shape, self.tile))
+        width = 0.25 * median(map(parallax_height, pairs))
+        sheets = list(tiles_of(surface.grid.shape, max(SHEET // self.tile, 1) * self.tile))
+        tables = [Table(f"densification/tie_points/{sheet.row}-{sheet.col}.json", TieCounts) for sheet in sheets]
+        for sheet, table in zip(sheets, tables, strict=True):
+            yield self._ties_of(surface, sheet, width, table)
+        yield Job(stage=self.stage, item="tie-points", function=sum_ties, reads={"parts": tuple(tables)}, writes={"sum": TIES})
+
+    def _ties_of(self, surface: Surface, sheet: Tile, width: float, table: Table[TieCounts]) -> Job:
+        part = sheet.window
+        inside = (tile.window for tile in tiles_of(part.shape, self.tile))
+        windows = tuple(Window(part.row + one.row, part.col + one.col, one.height, one.width) for one in inside)
         read = [around(window, surface.grid.shape) for window in windows]
         rasters = {"height": HEIGHT, "relative": RELATIVE_PRECISION, "provenance": PROVENANCE}
         return Job(
             stage=self.stage,
-            item="tie-points",
+            item="tie-points-of",
             function=tie_counts,
             reads={
                 "points": GROUND_POINTS,
                 **{key: Stream(tuple(Raster(name, window) for window in read)) for key, name in rasters.items()},
             },
-            writes={"counts": TIES},
-            params={"grid": surface.grid, "windows": windows, "width": 0.25 * median(map(parallax_height, pairs))},
+            writes={"counts": table},
+            params={"grid": surface.grid, "windows": windows, "width": width},
+            row=sheet.row,
+            col=sheet.col,
         )
 
     def _tile(self, source: SurfaceSource, pairs: tuple[EpipolarPair, ...], tile: Tile, table: Table[SurfaceStatistics]) -> Job:

@@ -36,6 +36,17 @@ class TieCounts(BaseModel):
     width: float = 1.0
 
 
+def sum_ties(parts: tuple[TieCounts, ...]) -> TieCounts:
+    """Those of all parts of a surface, which have one width of classes."""
+    distances = np.sum([part.distances for part in parts], axis=0)
+    return TieCounts(
+        points=sum(part.points for part in parts),
+        contradicting=sum(part.contradicting for part in parts),
+        distances=tuple(distances.tolist()),
+        width=parts[0].width,
+    )
+
+
 def around(window: Window, shape: tuple[int, int]) -> Window:
     """The window of heights that the tie points of a tile are compared with."""
     return window.grown(_BESIDE).clipped(shape)
