@@ -1,13 +1,21 @@
 """The simulation of clusters: cases whose outcome is known without it."""
 
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchmarks.scale.recorded_layout import BY_PHOTOGRAPH, GROWING, IN_SHEETS, JOINING, MORE_EACH, Layout, enlarged, with_parts
+from benchmarks.scale.job_counts import IN_SHEETS, GoesBy, Spread, placed_side_by_side, spread_of
+from benchmarks.scale.recorded_layout import BY_PHOTOGRAPH, GROWING, JOINING, MORE_EACH, Layout, enlarged, with_parts
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
+from orthomill.pipeline.forecast.known_costs import family_of
+from orthomill.schemas.job import Job
 from orthomill.tasks.accuracy.promises import disjoint_photographs
+from orthomill.tasks.colouring.balance.balancing import balanced_block
+from orthomill.tasks.densification.precision.tie_points import tie_counts
 from orthomill.tasks.epipolar.measured_pairs import measured_pairs
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
@@ -27,8 +35,10 @@ def jobs_of(seconds: list[float], *before: tuple[int, ...]) -> Jobs:
 
 
 def layout_of(jobs: Jobs, once: list[bool]) -> Layout:
-    """A block of 10 Mpx in two photographs."""
-    return Layout(10.0, 2, 512, jobs, np.array(once), 0.0, np.ones(len(once)), np.zeros(len(once), bool))
+    """A block of 10 Mpx in two photographs; what is not made once goes by squares of the map that are whole tiles."""
+    goes = np.where(once, int(GoesBy.ONCE), int(GoesBy.TILE_OF_MAP))
+    spread = Spread(goes, *np.ones((3, len(once))))
+    return Layout(10.0, 2, 512, jobs, spread, 0.0, np.ones(len(once)), np.zeros(len(once), bool))
 
 
 def test_independent_jobs_share_the_workers():
@@ -99,8 +109,9 @@ def test_what_sees_no_pixels_grows_with_the_photographs():
 
 
 def test_functions_that_are_known_not_to_grow_are_functions():
-    assert hasattr(disjoint_photographs, next(iter(GROWING))) and {join_contours.__name__} == IN_SHEETS
-    assert {one.__name__ for one in (orient_block, relate_pairs, index_photos, measured_pairs)} == BY_PHOTOGRAPH
+    assert hasattr(disjoint_photographs, next(iter(GROWING))) and {join_contours.__name__, tie_counts.__name__} == IN_SHEETS
+    by_photograph = {orient_block, relate_pairs, index_photos, measured_pairs, balanced_block}
+    assert {one.__name__ for one in by_photograph} == BY_PHOTOGRAPH and set(GROWING) & BY_PHOTOGRAPH == {balanced_block.__name__}
 
 
 def test_a_project_of_four_blocks_waits_for_what_is_made_once():
@@ -121,3 +132,49 @@ def test_a_large_file_is_a_part_for_each_block_and_a_job_that_joins_them():
     assert simulated(enlarged(layout, 40.0, 8, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
     parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 8, 512)
     assert simulated(parted, IDEAL._replace(workers=8)).clock == pytest.approx(1.0 + 10.0 + 40.0 * JOINING + 4.0)
+
+
+def test_what_does_not_go_by_the_tile_is_counted_by_photographs_and_squares():
+    goes = np.array([GoesBy.ONCE, GoesBy.PHOTOGRAPH, GoesBy.SQUARE, GoesBy.TILE_OF_PHOTOGRAPH, GoesBy.TILE_OF_MAP])
+    spread = Spread(goes, np.array([1, 6, 30, 20, 30]), np.array([1, 1, 1, 4.5, 4.2]), np.array([1, 1, 1, 3.5, 5.9]))
+    np.testing.assert_allclose(spread.numbers(1.0, 1.0, 1.0), [1, 1, 1, 1, 1])
+    # Tiles of four times the side: 2 x 1 instead of 20 for a photograph, 2 x 2 instead of 30 for the map.
+    np.testing.assert_allclose(spread.numbers(1.0, 1.0, 4.0), [1, 1, 1, 2 / 20, 4 / 30])
+    # 16 times the pixels in four times the photographs, each of which is twice as long and wide.
+    np.testing.assert_allclose(spread.numbers(16.0, 4.0, 1.0), [1, 4, 16, 4 * 9 * 7 / 20, 17 * 24 / 30])
+
+
+def test_a_large_tile_waits_for_all_squares_below_it():
+    """A square, a tile that reads it, and what is made once of all tiles; 16 times the ground, tiles of twice the side."""
+    layout = layout_of(jobs_of([1.0, 2.0, 3.0], (), (0,), (1,)), [False, False, True])
+    spread = replace(layout.spread, goes=np.array([GoesBy.SQUARE, GoesBy.TILE_OF_MAP, GoesBy.ONCE]))
+    found = enlarged(replace(layout, spread=spread), 160.0, 2, 1024)
+    assert len(found.seconds) == 16 + 4 + 1 and found.seconds.sum() == pytest.approx(16 * 6.0)
+    waiting = [found.before[found.first[n] : found.first[n + 1]].tolist() for n in range(21)]
+    assert waiting[16:] == [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11], [12, 13, 14, 15], [16, 17, 18, 19]]
+
+
+def planned(function: Callable[..., object], item: str, row: int = 0) -> SimpleNamespace:
+    return SimpleNamespace(job=Job("tiles", item, function, {}, {}, row=row))
+
+
+def test_the_plan_with_larger_tiles_tells_what_the_number_of_jobs_goes_by():
+    def square() -> None: ...
+    def tile() -> None: ...
+    def level() -> None: ...
+    def photograph() -> None: ...
+    def adjust() -> None: ...
+
+    def plan(tiles: int) -> list[SimpleNamespace]:
+        by_tile = [planned(tile, "map", row) for row in range(tiles)]
+        levels = [planned(level, name, row) for name in "ab" for row in range(tiles)]
+        squares = [planned(square, "square", row) for row in range(6)]
+        return [*by_tile, *levels, *squares, *(planned(photograph, name) for name in "ab"), planned(adjust, "block")]
+
+    small, large = plan(4), plan(1)
+    spread = spread_of(small, Counter(map(family_of, large)), placed_side_by_side(large))
+    expected = (
+        [GoesBy.TILE_OF_MAP] * 4 + [GoesBy.TILE_OF_PHOTOGRAPH] * 8 + [GoesBy.SQUARE] * 6 + [GoesBy.PHOTOGRAPH] * 2 + [GoesBy.ONCE]
+    )
+    assert spread.goes.tolist() == expected
+    assert spread.numbers(1.0, 1.0, 4.0).sum() == pytest.approx(len(large))

@@ -87,6 +87,8 @@ def page(name: str, layout: Layout) -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
         *(_asked(project, layout, tile) for project, tile in SIZES),
         "",
+        *_counted(layout),
+        "",
         "## Strong scaling",
         "",
         "Hours from the photographs to all products, and the share of the workers' time that goes into jobs.",
@@ -126,6 +128,18 @@ CLUSTERS = (
     (CITY, 4096, (100, 1000)),
 )
 """projects, the sides of their tiles, and numbers of workers"""
+
+
+def _counted(layout: Layout) -> list[str]:
+    """Jobs beside those of real plans."""
+    rows = (f"| {tile} | {planned} | {counted} |" for tile, planned, counted in layout.counts)
+    return [
+        "Jobs of the project above itself, by its real plan and as they are counted here:",
+        "",
+        "| tile, px | plan | counted |",
+        "| --- | --- | --- |",
+        *rows,
+    ]
 
 
 def _cluster(workers: int) -> Cluster:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.scale.job_counts import LARGER, GoesBy, Spread, placed_side_by_side, planned_with, spread_of
 from benchmarks.scale.simulated_cluster import Jobs
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.graph import PlannedJob
@@ -20,13 +21,11 @@ from orthomill.tasks.catalogue import STAGES
 JOINING = 0.1
 """processor time of the job that joins the parts of a file, for that of all parts: 0.43 s for 4.22 s of heights and 0.34 s for
 3.55 s of an orthoimage of 8192 x 4200 px, 0.38 s for 6.5 s of a point cloud"""
-GROWING = {"photograph_differences": 0.0, "export areas codes": 0.3}
+GROWING = {"photograph_differences": 0.0, "export areas codes": 0.3, "balanced_block": 0.05}
 """share of a job that a project has once which takes longer in a larger one, where not all of it does: 300 points, of 2400 that
 are looked at at most (10.0, 9.2, 11.3 and 10.1 CPU-s for 6, 18, 15 and 39 photographs, 5.7 for 1008 with 1.2 million rays); the
 outlines of a picture of 4000 px, for which all is read (0.4 to 0.7 of 1.8 CPU-s of volos)"""
-IN_SHEETS = {"join_contours"}
-"""functions of jobs that a project has for every sheet of some thousand cells: volos is one sheet"""
-BY_PHOTOGRAPH = {"orient_block", "relate_pairs", "index_photos", "measured_pairs"}
+BY_PHOTOGRAPH = {"orient_block", "relate_pairs", "index_photos", "measured_pairs", "balanced_block"}
 """functions of jobs that a project has once, and that see no pixels: they take as long as there are photographs, each of which has
 at most `max_features` points (8000), however large it is"""
 MORE_EACH = 2.0
@@ -39,20 +38,27 @@ LEFT_OUT = ("simulation", "evaluation", "calibration")
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A block of so many megapixels in so many photographs. `once`: (N,) whether a job is made once for a whole project, however
-    large."""
+    """A block of so many megapixels in so many photographs."""
 
     megapixels: float
     photographs: int
     tile: int
     jobs: Jobs
-    once: np.ndarray
+    spread: Spread
+    """what the number of each job goes by"""
     stored: float
     """bytes that are kept, of a megapixel"""
     growing: np.ndarray
     """(N,) share of a job that is made once which takes longer in a larger project"""
     by_photograph: np.ndarray
     """(N,) whether it does with the number of photographs, not with their pixels"""
+    counts: tuple[tuple[int, int, int], ...] = ()
+    """side of a tile, jobs of the real plan with it, and as many as are counted"""
+
+    @property
+    def once(self) -> np.ndarray:
+        """(N,) whether a job is made once for a whole project, however large."""
+        return self.spread.goes == GoesBy.ONCE
 
     @property
     def core_seconds(self) -> float:
@@ -65,7 +71,8 @@ def layout_of(project: str) -> Layout:
 
     The run must have found its kernels compiled: a job that is made once, and compiles, would count for a thousand times as much.
     """
-    session = session_of(load_workflow(resolve_workflow(project, Path.cwd()), STAGES))
+    loaded = load_workflow(resolve_workflow(project, Path.cwd()), STAGES)
+    session = session_of(loaded)
     session.plan()
     if session.pending or session.planner.open_stages:
         raise SystemExit(f"{project} is not finished by this version of the program: run it, then measure.")
@@ -88,7 +95,11 @@ def layout_of(project: str) -> Layout:
     growing = np.array([GROWING.get(name, 1.0) for name in names])
     by_photograph = np.array([name in BY_PHOTOGRAPH for name in names])
     photographs = len(session.store.table(PHOTOS).photos)
-    layout = Layout(megapixels, photographs, session.project.tile, jobs, _once(kept), stored / megapixels, growing, by_photograph)
+    tile = session.project.tile
+    plans = {side: planned_with(loaded, side, LEFT_OUT) for side in (tile, 2 * tile, LARGER * tile)}
+    spread = spread_of(kept, Counter(map(family_of, plans[LARGER * tile])), placed_side_by_side(plans[LARGER * tile]))
+    counts = tuple((side, len(plan), round(spread.numbers(1.0, 1.0, side / tile).sum())) for side, plan in plans.items())
+    layout = Layout(megapixels, photographs, tile, jobs, spread, stored / megapixels, growing, by_photograph, counts)
     return with_parts(layout, np.array([_goes_in_parts(planned) for planned in kept]))
 
 
@@ -125,7 +136,7 @@ def with_parts(layout: Layout, parted: np.ndarray) -> Layout:
     return replace(
         layout,
         jobs=larger,
-        once=np.append(layout.once & ~parted, more),
+        spread=layout.spread.with_parts(parted),
         growing=np.append(layout.growing, 1.0 * more),
         by_photograph=np.append(layout.by_photograph, ~more),
     )
@@ -138,38 +149,27 @@ def _bytes(planned: PlannedJob, record: Record | None) -> int:
     return int(written * max(share, 1.0))
 
 
-def _once(kept: list[PlannedJob]) -> np.ndarray:
-    """Every file that is exported whole, and what a function makes in a single job: those that go by photograph, pair or tile make
-    more, and so do exports of a window, and points, of which large projects have a file a tile."""
-    functions = Counter(family_of(one) for one in kept)
-    return np.array([
-        one.job.window is None and one.job.format != "laz"
-        if isinstance(one.job, Export)
-        else functions[family_of(one)] == 1 and family_of(one)[1] not in IN_SHEETS
-        for one in kept
-    ])  # fmt: skip
-
-
 def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -> Jobs:
     """The jobs of a project of so many megapixels and photographs with such tiles: blocks like this one side by side.
 
-    With larger tiles a block has as many jobs and covers as much more. Jobs that are made once grow with the project, by its pixels
-    or by its photographs, unless they are known not to.
+    Jobs that are made once grow with the project, by its pixels or by its photographs, unless they are known not to; of all others
+    there are more, and each does as much more.
     """
-    jobs = layout.jobs
-    copies = max(1, round(megapixels / layout.megapixels * (layout.tile / tile) ** 2))
-    grown = megapixels / layout.megapixels / copies
-    numbers = np.where(layout.once, 1, copies)
-    begins = np.concatenate(([0], np.cumsum(numbers)))
-    each = max(photographs / layout.photographs, 1.0)
-    larger = np.where(layout.by_photograph, each * min(each, MORE_EACH), grown * copies)
-    factor = np.where(layout.once, 1.0 + layout.growing * (larger - 1.0), grown)
-    more = np.where(layout.once & (layout.growing > 0), copies, 1)
-    first, before = _repeated_dependencies(jobs, layout.once, begins, copies)
+    jobs, once = layout.jobs, layout.once
+    grown, each = megapixels / layout.megapixels, photographs / layout.photographs
+    numbers = np.maximum(np.rint(layout.spread.numbers(grown, each, tile / layout.tile)), 1).astype(int)
+    each = max(each, 1.0)
+    larger = np.where(layout.by_photograph, each * min(each, MORE_EACH), grown)
+    factor = np.where(once, 1.0 + layout.growing * (larger - 1.0), grown / numbers)
+    first, before = _repeated_dependencies(jobs, once, numbers)
+    # What is read of each job before is read of each of its copies, but by those that look at samples.
+    waited = np.maximum(np.repeat(np.diff(jobs.first), numbers), 1)
+    sampled = np.repeat(once & (layout.growing == 0), numbers)
+    reads = np.repeat(jobs.reads, numbers) * np.where(sampled, 1, np.diff(first) / waited)
     return Jobs(
         np.repeat(jobs.seconds * factor, numbers),
-        np.repeat(jobs.reads * more, numbers),
-        np.repeat(jobs.writes * more, numbers),
+        np.rint(np.where(np.diff(first) > 0, reads, np.repeat(jobs.reads, numbers))).astype(int),
+        np.repeat(jobs.writes, numbers),
         np.repeat(jobs.bytes * factor, numbers),
         first,
         before,
@@ -177,17 +177,20 @@ def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -
     )
 
 
-def _repeated_dependencies(jobs: Jobs, once: np.ndarray, begins: np.ndarray, copies: int) -> tuple[np.ndarray, np.ndarray]:
-    """A copy waits for the same copy; what is made once waits for all."""
-    counts, before, every = [], [], np.arange(copies)
-    for number in range(len(once)):
-        needed = jobs.before[jobs.first[number] : jobs.first[number + 1]]
-        if once[number]:
-            found = np.concatenate([begins[one] + (every[:1] if once[one] else every) for one in needed] or [every[:0]])
-            counts.append(np.array([len(found)]))
-            before.append(found)
-        else:
-            found = begins[needed] + np.where(once[needed], 0, every[:, None])
-            counts.append(np.full(copies, len(needed)))
-            before.append(found.ravel())
+def _repeated_dependencies(jobs: Jobs, once: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is made once waits for all copies; another copy for those that cover the same part of the project."""
+    begins, counts, before = np.concatenate(([0], np.cumsum(numbers))), [], []
+    for number, copies in enumerate(numbers):
+        every = np.arange(1 if once[number] else copies)
+        waiting, found = [every[:0]], [every[:0]]
+        for one in jobs.before[jobs.first[number] : jobs.first[number + 1]]:
+            start, end = every * numbers[one] // len(every), -(-(every + 1) * numbers[one] // len(every))
+            width = end - start
+            waiting.append(np.repeat(every, width))
+            found.append(
+                begins[one] + np.repeat(start - np.concatenate(([0], np.cumsum(width)[:-1])), width) + np.arange(width.sum())
+            )
+        order = np.argsort(np.concatenate(waiting), kind="stable")
+        counts.append(np.bincount(np.concatenate(waiting), minlength=len(every)))
+        before.append(np.concatenate(found)[order])
     return np.concatenate(([0], np.cumsum(np.concatenate(counts)))), np.concatenate(before).astype(int)
