@@ -657,6 +657,15 @@ _ALL = (
         ("pipeline/engine",),
         words="[SECONDS [PROJECT [WORKERS]]]",
     ),
+    Study(
+        "scattered_workers",
+        "trust.scattered_workers",
+        "workers with nothing in common but an object store, one slow, one small, all killed by lot",
+        "minutes",
+        ("pipeline/engine", "pipeline/storage"),
+        needs="SeaweedFS (weed), and a system that has unshare",
+        words="[SECONDS [PROJECT]]",
+    ),
     # serving
     Study(
         "killed_node",

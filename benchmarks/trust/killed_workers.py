@@ -2,7 +2,9 @@
 
 python -m benchmarks killed_workers [SECONDS [PROJECT [WORKERS]]]
 
-Every so many seconds a worker process, by lot, is killed; the nanny beside it starts another. The run's command is that of a user.
+Every so many seconds a worker process, by lot, is killed; the nanny beside it starts another. Where it is killed while it starts,
+Dask's nanny ends, or stays without a worker: then the nanny is started anew, as Kubernetes or a batch system does with a node that
+failed. The run's command is that of a user.
 """
 
 import json
@@ -11,8 +13,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import Event, Thread
 
@@ -27,22 +29,61 @@ STARTS = 60.0
 MEMORY = "2GiB"
 
 
+class Node:
+    """A nanny with its worker, as `start` starts them. `revived`: how often it had no worker and was started anew."""
+
+    def __init__(self, start: Callable[[], psutil.Process]) -> None:
+        self._start, self.revived = start, 0
+        self._nanny = start()
+
+    def workers(self) -> list[psutil.Process]:
+        """The worker; none where it was killed while it started."""
+        with suppress(psutil.NoSuchProcess):
+            return [one for one in self._nanny.children(recursive=True) if "spawn_main" in " ".join(one.cmdline())]
+        return []
+
+    def kill_worker(self) -> bool:
+        """With -9; whether there was one."""
+        found = self.workers()
+        for worker in found:
+            with suppress(psutil.NoSuchProcess):
+                worker.kill()
+        return bool(found)
+
+    def keep_up(self) -> None:
+        """Start anew what has no worker."""
+        if not self.workers():
+            self.end()
+            self._nanny, self.revived = self._start(), self.revived + 1
+
+    def end(self) -> None:
+        """Nanny and worker."""
+        end(self._nanny)
+
+
 @contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[psutil.Process]]]:
-    """The address of a scheduler of its own, and the nannies of its workers."""
+def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[Node]]]:
+    """The address of a scheduler of its own, and its workers."""
+    with scheduler(folder) as address, ExitStack() as stack:
+        words = (address, "--nthreads", "1", "--memory-limit", MEMORY)
+        nodes = [Node(lambda: _started(folder, "dask_worker", *words)) for _ in range(workers)]
+        for node in nodes:
+            stack.callback(node.end)
+        yield address, nodes
+
+
+@contextmanager
+def scheduler(folder: Path) -> Iterator[str]:
+    """The address of a scheduler."""
     file = folder / "scheduler.json"
-    with ExitStack() as processes:
-        processes.callback(
-            _end, _started(folder, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
-        )
+    process = _started(folder, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
+    try:
         until = time.monotonic() + STARTS
         while not file.exists() and time.monotonic() < until:
             time.sleep(0.1)
-        address = json.loads(file.read_text())["address"]
-        nannies = [_started(folder, "dask_worker", address, "--nthreads", "1", "--memory-limit", MEMORY) for _ in range(workers)]
-        for nanny in nannies:
-            processes.callback(_end, nanny)
-        yield address, nannies
+        yield json.loads(file.read_text())["address"]
+    finally:
+        end(process)
 
 
 def _started(folder: Path, program: str, *words: str) -> psutil.Process:
@@ -50,20 +91,22 @@ def _started(folder: Path, program: str, *words: str) -> psutil.Process:
     return psutil.Popen([sys.executable, "-m", f"distributed.cli.{program}", "--no-dashboard", *words], cwd=folder, **silent)
 
 
-def _end(process: psutil.Process) -> None:
-    for one in (*process.children(recursive=True), process):
-        one.kill()
+def end(process: psutil.Process) -> None:
+    """A process and all that it started."""
+    with suppress(psutil.NoSuchProcess):
+        for one in (*process.children(recursive=True), process):
+            with suppress(psutil.NoSuchProcess):
+                one.kill()
     process.wait(30)
 
 
-def kill_by_lot(nannies: list[psutil.Process], seconds: float, enough: Event, seed: int = 42) -> int:
+def kill_by_lot(nodes: list[Node], seconds: float, enough: Event, seed: int = 42) -> int:
     """Kill one worker every so many seconds until it is enough; how many were killed."""
     chance, kills = random.Random(seed), 0
     while not enough.wait(seconds):
-        found = [one for one in chance.choice(nannies).children(recursive=True) if "spawn_main" in " ".join(one.cmdline())]
-        for worker in found:
-            worker.kill()
-        kills += bool(found)
+        for node in nodes:
+            node.keep_up()
+        kills += chance.choice(nodes).kill_worker()
     return kills
 
 
@@ -76,8 +119,8 @@ def main(words: list[str]) -> None:
         calm, storm = project_root(Path(scratch) / "calm", project), project_root(Path(scratch) / "storm", project)
         before = orthomill(calm, "run", project, "--workers", str(workers))
         enough, kills = Event(), []
-        with cluster(Path(scratch), workers) as (address, nannies):
-            killer = Thread(target=lambda: kills.append(kill_by_lot(nannies, seconds, enough)), daemon=True)
+        with cluster(Path(scratch), workers) as (address, nodes):
+            killer = Thread(target=lambda: kills.append(kill_by_lot(nodes, seconds, enough)), daemon=True)
             killer.start()
             after = orthomill(storm, "run", project, "--scheduler", address)
             enough.set()
@@ -98,6 +141,7 @@ Project `{project}` on {workers} workers of a Dask cluster; one of them, by lot,
 | what | figure |
 | --- | --- |
 | workers killed | {kills[0]} |
+| of them while they started, and their nannies with them | {sum(node.revived for node in nodes)} |
 | the command ended with | {after.code} |
 | rasters, tables and products of the undisturbed run | {len(expected)} |
 | the same in the storm, byte for byte | {same} |

