@@ -666,6 +666,15 @@ _ALL = (
         needs="SeaweedFS (weed), and a system that has unshare",
         words="[SECONDS [PROJECT]]",
     ),
+    Study(
+        "faulty_store",
+        "trust.faulty_store",
+        "runs whose object store refuses, cuts, loses answers, or is killed",
+        "minutes",
+        ("pipeline/storage",),
+        needs="SeaweedFS (weed)",
+        words="[RUNS]",
+    ),
     # serving
     Study(
         "killed_node",

@@ -7,7 +7,6 @@ and an empty folder where the command has its project (a mount of its own, by `u
 time. One has half the memory. Every so many seconds one of all, by lot, is killed with -9; its nanny starts another.
 """
 
-import hashlib
 import os
 import random
 import signal
@@ -24,11 +23,10 @@ import psutil
 
 from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import orthomill, project_root
+from benchmarks.trust.kept_results import kept
 from benchmarks.trust.killed_workers import Node, scheduler
 from orthomill.pipeline.storage.depots.bucket import bucket_of
-from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.folder import Folder
-from orthomill.pipeline.storage.store import Store
 from tests.support.stores.seaweed import SECRET, WEED, seaweed
 
 KINDS = {"ordinary": "2GiB", "another": "2GiB", "slow": "2GiB", "half the memory": "1GiB"}
@@ -83,14 +81,6 @@ worker, by lot, is killed with -9.
 | objects left after `orthomill clean`, which ended with {cleaned.code} | {left} |
 """,
     )
-
-
-def kept(depot: Depot) -> dict[str, str]:
-    """Digest of every raster's pixels, and of the bytes of every table and product."""
-    store = Store(depot)
-    found = {name: hashlib.sha256(store.read(name, store.spec(name).full).tobytes()).hexdigest() for name in store.names()}
-    files = [name for part in ("tables", "products") for name in depot.names(part)]
-    return found | {name: hashlib.sha256(depot.get(name)).hexdigest() for name in files}
 
 
 @contextmanager

