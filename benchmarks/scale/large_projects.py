@@ -103,7 +103,7 @@ def page(name: str, layout: Layout) -> str:
         "",
         "| Mpx | workers | tile, px | hours | efficiency, % |",
         "| --- | --- | --- | --- | --- |",
-        *(_weak(layout, workers) for workers in (1, 10, 100, 1000)),
+        *(_weak(layout, workers) for workers in (1, 10, 100, 300)),
         "",
         "## What goes wrong",
         "",
