@@ -395,3 +395,21 @@ def test_the_heaviest_photograph_of_a_pixel_is_one_that_sees_it(ortho):
         mine = source.ravel() == number
         seen[mine] = sees(view(name), points[mine])
     assert seen[source.ravel() > 0].mean() > 0.98, "but for the edges of the box"
+
+
+def test_guesses_are_shown_by_the_steepest_photograph_and_sure_heights_by_all():
+    grey = {name: 60 + 30 * k for k, name in enumerate(CENTRES)}
+    plain = {name: np.full((420, 420, 3), level, np.uint8) for name, level in grey.items()}
+    alike = Radiometry(photos=tuple(PhotoRadiometry(photo=name) for name in CENTRES))
+    rules = replace(RULES, colours=ColourRules(0.15, Blend(Rejection("none"))))
+    flat = np.zeros_like(heights())
+    x, y = np.meshgrid(*ORTHO.centres(WHOLE))
+    moved = np.stack([20.0 / ORTHO.cell * np.hypot(x - east, y - north) / up for east, north, up in CENTRES.values()]) ** 2
+    steepest = np.array(list(grey.values()))[moved.argmin(axis=0)]
+    first, second = np.sort(moved, axis=0)[:2]
+    clear = second - first > 10
+    shares = []
+    for precision in (0.001, 20.0):
+        rasters, _ = make(plain, alike, rules=rules, model=flat, precision=precision)
+        shares.append((np.abs(rasters["ortho"][..., 0] - steepest.astype(float)) <= 2)[clear].mean())
+    assert clear.mean() > 0.1 and shares[0] < 0.1 and shares[1] > 0.9

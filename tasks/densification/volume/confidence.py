@@ -22,7 +22,17 @@ from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile, cano
 from orthomill.tasks.densification.canopy.depth_map import LEVEL as DEPTH_LEVEL
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
 from orthomill.tasks.densification.volume.coherent_levels import LevelWindows, shown_heights
-from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, SPREAD_UNIT, SURROUNDINGS, Band, Judgement, box_sums, judgement
+from orthomill.tasks.densification.volume.evened_heights import evened
+from orthomill.tasks.densification.volume.quality import (
+    LEVEL_UNIT,
+    SPREAD_UNIT,
+    STRETCH_UNIT,
+    SURROUNDINGS,
+    Band,
+    Judgement,
+    box_sums,
+    judgement,
+)
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around
 from orthomill.tasks.matching.volume.winners import COHERENCE_HALF
 
@@ -157,7 +167,8 @@ def judged(
         [np.uint8(code) for code in (Confidence.HIGH, Confidence.BLURRED, Confidence.CALMED, Confidence.FAINT)],
         np.uint8(Confidence.LOW),
     )
-    calmer, judgements, confidence = _bordered(height, enclosed)[inner], judgements[inner], confidence[inner]
+    even = evened(np.asarray(height, np.float32), judgements[..., Judgement.STRETCH] / np.float32(STRETCH_UNIT), step, coherent)
+    calmer, judgements, confidence = _bordered(even, enclosed)[inner], judgements[inner], confidence[inner]
     if alone[inner].any():
         own, alone = tile.levels.read[0].within(tile.around).slices, alone[inner]
         heights, qualities = (height[own], *coarser_heights), (quality[own], *coarser_qualities)
