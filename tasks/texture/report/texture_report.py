@@ -246,7 +246,8 @@ def _pictures(most: int) -> tuple[Picture, ...]:
             title="True orthoimage",
             raster=ORTHO,
             style="rgb",
-            caption="Blended from all photographs that see the ground; transparent where none does.",
+            caption="Blended from all photographs that see the ground, or, where its height is unsure, from the one that looks down"
+            " most steeply; transparent where none does.",
             first_page=True,
         ),
         coverage_picture("Coverage", COVERAGE, coverage_classes(most)),
