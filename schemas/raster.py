@@ -103,6 +103,12 @@ def tiles_of(shape: tuple[int, ...], size: int | tuple[int, int]) -> Iterator[Ti
             yield Tile(row, col, Window(row * height, col * width, height, width).clipped(shape))
 
 
+def windows_in(window: Window, size: int) -> tuple[Window, ...]:
+    """Windows of `size` pixels that cover a window, counted from its corner, row by row; the last ones are smaller."""
+    inside = (tile.window for tile in tiles_of(window.shape, size))
+    return tuple(Window(window.row + one.row, window.col + one.col, one.height, one.width) for one in inside)
+
+
 class MapGrid(BaseModel):
     """A north-up grid on the ground. `west` and `north` are the outer corner of the upper-left cell (m, in the project's CRS)."""
 

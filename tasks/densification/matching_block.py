@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.outcome import Outcome
-from orthomill.schemas.raster import MapGrid, Window, enclosing, tiles_of
+from orthomill.schemas.raster import MapGrid, Window, enclosing, windows_in
 from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.start_parallaxes import STRIP, start_parallaxes
 from orthomill.tasks.geometry.epipolar_window import map_window
@@ -131,9 +131,7 @@ class PairTile:
 
 
 def _blocks(pair: EpipolarPair, nodes: Window, step: int, surface: Surface) -> tuple[PairBlock, ...]:
-    inside = (tile.window for tile in tiles_of(nodes.shape, BLOCK // step))
-    windows = (Window(nodes.row + one.row, nodes.col + one.col, one.height, one.width) for one in inside)
-    return tuple(PairBlock.over(pair, window, step, surface) for window in windows)
+    return tuple(PairBlock.over(pair, window, step, surface) for window in windows_in(nodes, BLOCK // step))
 
 
 class MatchedBlock(NamedTuple):

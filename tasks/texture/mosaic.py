@@ -119,13 +119,13 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 @dataclass(frozen=True)
 class _Scene:
     """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere;
-    and where it sees the ground next to a break of its depth, if the rules ask. `told` (rows, cols) bool: pixels whose surface the
-    photographs chose."""
+    and where it sees the ground next to a break of its depth, if the rules ask. `chosen` (rows, cols) bool: pixels whose surface
+    the photographs chose."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
     breaks: tuple[np.ndarray, ...]
-    told: np.ndarray
+    chosen: np.ndarray
 
 
 def _targets(ground: Ground, dsm: MapGrid) -> Targets:
@@ -194,8 +194,8 @@ def _scene(
         sight = _at_walls(sight, sharp, k) if sharp else sight
         factors.append(occlusion_factor(sight, rules.widening_margin * extent.divisor, rules.widening_ramp * extent.divisor)[inner])
         breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.colours.breaks else np.zeros((0, 0), bool))
-    told = sharp.doubtful & sharp.alike.any(axis=0) if sharp else np.zeros(rim.shape, bool)
-    return _Scene(ground.part(core), tuple(factors), tuple(breaks), told[inner])
+    chosen = sharp.chosen if sharp else np.zeros(rim.shape, bool)
+    return _Scene(ground.part(core), tuple(factors), tuple(breaks), chosen[inner])
 
 
 def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
@@ -281,15 +281,16 @@ def texture_tile(
     views = [photo.view for photo in showing]
     known = np.isfinite(heights)
     # The datum moves what hides and what is hidden alike: only errors among neighbours count. Draped heights are guessed.
-    spread = np.where(known, np.nan_to_num(np.float32(MAY_WELL) * precision), np.float32(np.inf))
+    error = np.where(known, np.nan_to_num(precision), np.float32(np.inf))
+    spread = np.float32(MAY_WELL) * error
     measured = np.isin(provenance, MEASURED) & known
     scene = _scene(painted, measured=measured, spread=spread, extent=extent, photos=around, showing=numbers, rules=rules)
     core = extent.core.within(extent.heights).slices
     sources = height_sources(heights[core], painted[core], provenance[core])
     sources = _at_pixels(sources, extent.core, extent.window, extent.divisor)
-    unsure = np.where(known, precision, np.float32(np.nan))[core]
     # At walls photographs chose between two heights, in place of the one whose standard error this is.
-    sigma = np.where(scene.told, np.float32(0.0), _at_pixels(unsure, extent.core, extent.window, extent.divisor))
+    sigma = _at_pixels(error[core], extent.core, extent.window, extent.divisor)
+    sigma = np.where(scene.chosen, np.float32(0.0), sigma)
     wanted = _at_pixels(rules.wanted.cells(extent.dsm, extent.core), extent.core, extent.window, extent.divisor)
     height, width = extent.window.shape
     coverage, rejected = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)

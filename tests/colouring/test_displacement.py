@@ -55,7 +55,7 @@ def test_what_hardly_sees_a_place_does_not_choose():
 
 
 def test_what_is_not_seen_stays_unseen_and_what_is_seen_keeps_a_weight():
-    weights = set_back(np.nan, worth=(0.0, 1.0, 1.0))
+    weights = set_back(np.inf, worth=(0.0, 1.0, 1.0))
     assert not weights[0].any() and weights[1:].all()
 
 

@@ -54,10 +54,10 @@ def _moved(centre, x, y, z, error):
 
 def less_displaced(weights: np.ndarray, ground: Ground, sigma: np.ndarray, centres: np.ndarray) -> None:
     """Sets back, in place, those of the `weights` (photographs, rows, cols) float32 whose colours lie farther from their places
-    than those of others; sigma (rows, cols): standard error of the heights of `ground`, m, NaN where they are guessed; centres
+    than those of others; sigma (rows, cols): standard error of the heights of `ground`, m, infinite where they are guessed; centres
     (photographs, 3): projection centres, m.
     """
-    error = np.nan_to_num(sigma / np.float32(PIXELS * ground.grid.cell), nan=_FARTHEST, posinf=_FARTHEST)
+    error = np.minimum(sigma / np.float32(PIXELS * ground.grid.cell), np.float32(_FARTHEST))
     x, y = ground.grid.centres(ground.window)
     if weights.size:
-        _set_back(weights, centres, float(x[0]), float(y[0]), ground.grid.cell, ground.z, np.minimum(error, _FARTHEST))
+        _set_back(weights, centres, float(x[0]), float(y[0]), ground.grid.cell, ground.z, error)

@@ -69,9 +69,14 @@ class SharpenedGround:
     alike: np.ndarray
 
     @cached_property
+    def chosen(self) -> np.ndarray:
+        """(rows, cols) bool: the doubtful ones whose surface some photograph shows."""
+        return self.doubtful & self.alike.any(axis=0)
+
+    @cached_property
     def told(self) -> np.ndarray:
-        """Places, in the pixels as one row, of the doubtful ones whose surface some photograph shows."""
-        return np.flatnonzero(self.doubtful & self.alike.any(axis=0))
+        """Places of the chosen ones, in the pixels as one row."""
+        return np.flatnonzero(self.chosen)
 
 
 def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos: list[BalancedPhotograph]) -> SharpenedGround:

@@ -8,7 +8,7 @@ from typing import Any
 from orthomill.schemas.epipolar import EpipolarPair
 from orthomill.schemas.job import Export, Job, Raster, Reading, Stream, Table
 from orthomill.schemas.observations import GROUND_POINTS
-from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of
+from orthomill.schemas.raster import RasterSpec, Tile, Window, map_raster, tiles_of, windows_in
 from orthomill.schemas.surface import (
     COUNT,
     DATUM_PRECISION,
@@ -100,9 +100,7 @@ class SurfacePlan:
         yield Job(stage=self.stage, item="tie-points", function=sum_ties, reads={"parts": tuple(tables)}, writes={"sum": TIES})
 
     def _ties_of(self, surface: Surface, sheet: Tile, width: float, table: Table[TieCounts]) -> Job:
-        part = sheet.window
-        inside = (tile.window for tile in tiles_of(part.shape, self.tile))
-        windows = tuple(Window(part.row + one.row, part.col + one.col, one.height, one.width) for one in inside)
+        windows = windows_in(sheet.window, self.tile)
         read = [around(window, surface.grid.shape) for window in windows]
         rasters = {"height": HEIGHT, "relative": RELATIVE_PRECISION, "provenance": PROVENANCE}
         return Job(

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from orthomill.schemas.raster import Window, enclosing, tiles_of
+from orthomill.schemas.raster import Window, enclosing, windows_in
 from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile, canopy_heights
 from orthomill.tasks.densification.canopy.depth_map import LEVEL as DEPTH_LEVEL
 from orthomill.tasks.densification.settings.guide_settings import ConfidenceLimits
@@ -100,9 +100,7 @@ class JudgedSquare:
     @classmethod
     def of(cls, window: Window, side: int, shapes: Sequence[tuple[int, int]], terrain_shape: tuple[int, int]) -> "JudgedSquare":
         """The tiles of `side` cells in a window that begins at the corner of one; shapes, terrain_shape: see `JudgedTile`."""
-        inside = (tile.window for tile in tiles_of(window.shape, side))
-        windows = [Window(window.row + one.row, window.col + one.col, one.height, one.width) for one in inside]
-        tiles = tuple(JudgedTile.of(one, shapes, terrain_shape) for one in windows)
+        tiles = tuple(JudgedTile.of(one, shapes, terrain_shape) for one in windows_in(window, side))
         levels = tuple(enclosing(reads) for reads in zip(*(tile.levels.read for tile in tiles), strict=True))
         around, places = enclosing(tile.around for tile in tiles), enclosing(tile.places for tile in tiles)
         return cls(window, tiles, around, levels, places)
