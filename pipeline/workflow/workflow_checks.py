@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from orthomill.pipeline.storage.depots.bucket import is_address
 from orthomill.pipeline.storage.photographs.file_kinds import is_image_name
 from orthomill.pipeline.storage.photographs.folder_listing import image_files
 from orthomill.pipeline.workflow.camera_tags import longitude_latitude
@@ -212,6 +213,10 @@ def _models(value: BaseModel, base: Path_) -> Iterator[tuple[Path_, BaseModel]]:
 
 def _check_folder(source: PhotoFolder, base: Path_, root: Path, mistakes: Mistakes) -> None:
     path = (*base, "path")
+    if is_address(source.path):
+        fetching = f"'orthomill init NAME --photos {source.path}', with a new NAME, fetches them"
+        mistakes.add(path, f"'{source.path}' is in an object store; {fetching} into photographs/NAME: give that folder.")
+        return
     if not _inside(source.path, path, root, mistakes):
         return
     folder = root / source.path

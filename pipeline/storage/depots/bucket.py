@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, Literal, cast
 
 from orthomill.pipeline.storage.depots.depot import FileState, KeptFile
 from orthomill.pipeline.storage.depots.folder import checksum_of
+from orthomill.pipeline.storage.depots.found_keys import check_keys
 from orthomill.pipeline.storage.depots.repeated_requests import PATIENCE, repeated
 from orthomill.pipeline.storage.depots.store_keys import hidden, options_of
 from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
@@ -27,6 +28,9 @@ _RETRY: Any = {
     "backoff": {"init_backoff": timedelta(seconds=0.3), "max_backoff": timedelta(seconds=15), "base": 2},
     "retry_timeout": PATIENCE,
 }
+_NO_BUCKET = ("<Code>NoSuchBucket<", "<Code>ContainerNotFound<")
+_REFUSED = ("401 Unauthorized", "403 Forbidden")
+"""as answers say it that the library has no error of its own for"""
 _PIECE = 64 * 2**20
 """Bytes above which a file is sent in parts: those of a killed process stay, unseen, until the bucket's own rule removes them."""
 
@@ -107,7 +111,7 @@ class Bucket:
         try:
             kept = self.create(name, name.encode()) and self.get(name) == name.encode()
         except FileNotFoundError:
-            raise StoreError(f"There is no bucket or container for {self.address}; make it with the tools of the store.") from None
+            raise _no_bucket(self.address) from None
         if not kept:
             raise StoreError(f"The object store {self.address} does not give back what was written there; choose another.")
         self.delete(name)
@@ -240,10 +244,21 @@ class Bucket:
         except FileNotFoundError:
             raise FileNotFoundError(2, "no such object", self.address) from None
         except BaseError as error:
+            if any(word in str(error) for word in _NO_BUCKET):
+                raise _no_bucket(self.address) from None
+            if any(word in str(error) for word in _REFUSED):
+                raise StoreError(
+                    f"The object store {self.address} refuses the keys that this process has; check those in the environment, and "
+                    "what they allow, then run again."
+                ) from None
             raise StoreError(
                 f"The object store {self.address} cannot be read or written ({hidden(str(error))}); check its address, "
                 "that it can be reached, and the keys in the environment, then run again."
             ) from None
+
+
+def _no_bucket(address: str) -> StoreError:
+    return StoreError(f"There is no bucket or container for {address}; make it with the tools of the store.")
 
 
 def _told(entry: Any) -> tuple[str, int, float]:
@@ -262,7 +277,8 @@ def is_address(place: str) -> bool:
 
 @lru_cache(maxsize=8)
 def bucket_of(address: str) -> Bucket:
-    """The depot of an address such as s3://bucket/prefix. Raises WorkflowError, ResourceError."""
+    """The depot of an address such as s3://bucket/prefix. Raises WorkflowError, ResourceError; StoreError where no key is to be
+    found."""
     scheme, _, rest = address.partition("://")
     if not is_address(address) or not rest or any(word in rest for word in ("@", "?", "//", "..")):
         raise WorkflowError(
@@ -275,8 +291,10 @@ def bucket_of(address: str) -> Bucket:
         raise _no_library() from None
     if scheme == "memory":  # of this process alone, for tests
         return Bucket(address, MemoryStore())
+    options = options_of(scheme)
+    check_keys(address, scheme, options)
     try:
-        return Bucket(address, from_url(address, retry_config=_RETRY, **options_of(scheme)))
+        return Bucket(address, from_url(address, retry_config=_RETRY, **options))
     except Exception as error:
         raise WorkflowError(f"{address} cannot be opened ({hidden(str(error))}); check its form and the environment.") from None
 

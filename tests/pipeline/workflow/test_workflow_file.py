@@ -198,6 +198,10 @@ def test_plan_and_height_systems_in_metres_are_fine(root, crs):
 @pytest.mark.parametrize(
     ("photographs", "expected"),
     [
+        (
+            "{kind: folder, path: 'az://flights/shore'}",
+            "'orthomill init NAME --photos az://flights/shore', with a new NAME, fetches",
+        ),
         ("{kind: folder, path: phtos}", "path: the folder 'phtos' does not exist; did you mean 'photos'?"),
         ("{kind: folder, path: control}", "path: The folder control contains no JPEG, TIFF or PNG images"),
         ("{kind: folder, path: photos, pattern: 'DJI*'}", "None of the 2 images in photos matches the pattern 'DJI*'"),

@@ -70,7 +70,10 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """What is read, listed and removed goes through as it is."""
         headers = {"Range": self.headers["Range"]} if self.headers["Range"] else {}
-        self._answer(*self.server.ask(self.command, self.path, headers=headers))
+        status, told, content = self.server.ask(self.command, self.path, headers=headers)
+        if status == 500 and b"no bucket named" in content:  # as Google's own answer to a list has it
+            status, content = 404, b"<Error><Code>NoSuchBucket</Code></Error>"
+        self._answer(status, told, content)
 
     do_HEAD = do_DELETE = do_GET  # noqa: N815
 

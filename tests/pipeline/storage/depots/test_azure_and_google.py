@@ -15,10 +15,11 @@ from orthomill.pipeline.records import leases
 from orthomill.pipeline.records.leases import leased
 from orthomill.pipeline.storage.depots import bucket as buckets
 from orthomill.pipeline.storage.depots.bucket import bucket_of
+from orthomill.pipeline.storage.depots.fetched_photographs import Fetched, fetched_photographs
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import NOTE, keep_in
 from orthomill.pipeline.storage.depots.store_keys import hidden, options_of
-from orthomill.schemas.errors import ResourceError, StoreError
+from orthomill.schemas.errors import ResourceError, StoreError, WorkflowError
 from tests.support.engine.surface_stage import SurfaceStage
 from tests.support.engine.toy_stages import pixels, run_in
 from tests.support.stores.cloud_emulators import AZURITE, FAKE_GCS, KEY, azure, google
@@ -114,9 +115,36 @@ def test_a_large_object_goes_in_parts(place, monkeypatch):
     assert store.kept("products/z.bin") == kept, "as its own head says"
 
 
-def test_a_bucket_that_is_not_there_is_named(place):
+def test_a_bucket_that_is_not_there_is_named(place, tmp_path):
+    nowhere = f"{place.replace('trial', 'nowhere')}/x"
     with pytest.raises(StoreError, match=r"There is no bucket or container for .*nowhere/x"):
-        bucket_of(f"{place.replace('trial', 'nowhere')}/x").probe()
+        bucket_of(nowhere).probe()
+    with pytest.raises(StoreError, match=r"There is no bucket or container for .*nowhere/x"):
+        fetched_photographs(nowhere, tmp_path)
+
+
+def test_photographs_are_fetched_from_there(place, tmp_path):
+    files = {f"card {number}/DJI_{number:04}.JPG": np.random.default_rng(number).bytes(70_000) for number in range(12)}
+    for name, content in (files | {"gcp_list.txt": b"EPSG:32615\n", "film.mp4": b"long"}).items():
+        bucket_of(f"{place}/flight").put(name, content)
+    found = fetched_photographs(f"{place}/flight", tmp_path / "site")
+    assert found == Fetched((*sorted(files), "gcp_list.txt"), new=13, left=1)
+    assert all((tmp_path / "site" / name).read_bytes() == content for name, content in files.items())
+    assert fetched_photographs(f"{place}/flight/", tmp_path / "site").new == 0
+    with pytest.raises(WorkflowError, match="trial/other holds no photographs, among 0 objects"):
+        fetched_photographs(f"{place}/other", tmp_path / "site")
+    assert fetched_photographs(f"{place}/flight/card 3", tmp_path / "one").files == ("DJI_0003.JPG",)
+
+
+@pytest.mark.skipif(AZURITE is None, reason="no azurite (npm install -g azurite)")
+def test_keys_that_the_store_refuses_are_named(tmp_path, monkeypatch):
+    forget(monkeypatch)
+    with azure(tmp_path) as variables:
+        for name, value in variables.items():
+            monkeypatch.setenv(name, value.replace(f"AccountKey={KEY}", f"AccountKey={KEY[::-1].strip('=')}"))
+        with pytest.raises(StoreError, match="az://trial/x refuses the keys that this process has"):
+            fetched_photographs("az://trial/x", tmp_path / "site")
+    bucket_of.cache_clear()
 
 
 def test_variables_of_the_tools_of_azure_and_google_are_read(monkeypatch):
