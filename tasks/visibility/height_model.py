@@ -209,8 +209,8 @@ def _is_free(terrain, row, col, z, start, centre):
         surface = _surface_at(terrain, y, x, by_row)
         if surface > ray:
             return False
-        # A wall is between two cells: the ray reaches it half a step before the centre of the higher cell.
-        if surface > ray - 0.5 * sz:
+        # A wall is between two cells: the ray reaches it half a step before the centre of the higher cell, or starts beyond it.
+        if step >= 0.5 and surface > ray - 0.5 * sz:
             before = _surface_at(terrain, y - sr, x - sc, by_row)
             if surface - before > terrain.wall:
                 return False

@@ -184,9 +184,9 @@ def test_the_rim_of_occlusions_widens_what_a_tile_reads(margin, ramp, rim):
 
 
 def test_edges_are_sharpened_unless_they_are_kept():
-    """What takes part in the choice of a surface lies up to 9 cells (colours) and 15 (heights) beyond the rim."""
+    """What takes part in the choice of a surface lies up to 9 cells (colours) and 17 (heights) beyond the rim."""
     sharp, kept = rules(), rules(edges={"kind": "keep"})
-    assert sharp.sharpen and sharp.around == sharp.rim + 9 and sharp.halo == kept.halo + 15
+    assert sharp.sharpen and sharp.around == sharp.rim + 9 and sharp.halo == kept.halo + 17
     assert not kept.sharpen and kept.around == 0
 
 

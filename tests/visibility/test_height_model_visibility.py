@@ -38,6 +38,20 @@ def test_visibility_agrees_with_brute_force(name, grid):
     assert (hidden & ~found).sum() >= 0.75 * hidden.sum()
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_wall_behind_a_place_hides_nothing(way):
+    """The outer half of the cells along the edge of a roof, seen from above the roof: the wall falls away behind them."""
+    photo = view("a")
+    col, row = (int(place) for place in DSM.pixel(photo.centre[0], photo.centre[1]))
+    roof = np.zeros((120, 120), np.float32)
+    edge = col + 12 * way
+    roof[:, min(col, edge) : max(col, edge) + 1] = 10.0
+    place = Targets(np.array([row + 0.25]), edge + way * np.array([-0.4, 0.0, 0.25, 0.45]), np.full((1, 4), 10.0), np.zeros((1, 4)))
+    assert visible_targets(HeightModel(roof, DSM, WHOLE), photo, place, 0.3).all()
+    ground = Targets(place.rows, edge + way * np.array([0.6, 0.8, 1.0]), np.zeros((1, 3)), np.zeros((1, 3)))
+    assert not visible_targets(HeightModel(roof, DSM, WHOLE), photo, ground, 0.3).any()
+
+
 def _march_by_hand(model: np.ndarray, photo, row: int, col: int, tolerance: float) -> bool:
     """The plain twin: a hundred samples per cell of a bilinear surface, no blocks, no early end."""
     centre = np.array([*DSM.pixel(photo.centre[0], photo.centre[1])[::-1], photo.centre[2]])

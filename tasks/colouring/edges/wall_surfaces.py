@@ -18,8 +18,9 @@ import numpy as np
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.visibility.height_model import WALL
 
-REACH = 5
-"""cells around a cell whose heights determine its two surfaces: twice as far as matching windows blur an edge"""
+REACH = 7
+"""cells around a cell whose heights determine its two surfaces: three times as far as matching windows blur an edge, so that smooth
+cells beside it, whose colours are examples of a surface, see the other one as well"""
 FEWEST = 6
 """cells that a surface needs"""
 _FLAT = 0.5  # of a wall: the greatest standard deviation of heights from their plane
