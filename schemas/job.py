@@ -2,9 +2,9 @@
 
 The engine derives every dependency from the regions. A region is a window of a raster, a table, a file of the project, or the
 header of a photograph. Arguments of the function arrive under the names of `reads` and `params`: a region as its value, a tuple of
-regions as a tuple, a `Stream` as an iterator that reads the next region when it is asked. It returns the bare value when the job
-writes one region, and otherwise a NamedTuple whose fields are the names of `writes` (`dict[str, T]` where the names depend
-on the data). The engine compares all of this with the annotations of the function when the graph is built.
+regions as a tuple, a `Stream` as an iterator that reads the next region, or group of regions, when it is asked. It returns the bare
+value when the job writes one region, and otherwise a NamedTuple whose fields are the names of `writes` (`dict[str, T]` where the
+names depend on the data). The engine compares all of this with the annotations of the function when the graph is built.
 """
 
 from collections.abc import Callable, Mapping
@@ -161,13 +161,18 @@ Region = Raster | Table | FileRegion
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """Regions that are read one at a time, in their order, when the function asks for the next one.
+    """Regions that are read one at a time, or group by group, in their order, when the function asks for the next one.
 
-    Arrives as an `Iterator` of what the regions hold: it runs once, and need not run to its end. Memory is planned for two regions,
-    however many there are.
+    Arrives as an `Iterator` of what the regions hold, of a group as a tuple: it runs once, and need not run to its end. Memory is
+    planned for two regions, however many there are, and for one group: the function lets go of it before it asks for the next.
     """
 
-    regions: tuple[Region, ...]
+    regions: tuple[Region | tuple[Region, ...], ...]
+
+    @property
+    def in_groups(self) -> bool:
+        """Whether it has groups."""
+        return any(isinstance(entry, tuple) for entry in self.regions)
 
 
 Reading = Region | tuple[Region, ...] | Stream
@@ -177,7 +182,7 @@ Reading = Region | tuple[Region, ...] | Stream
 def regions_of(reading: Reading) -> tuple[Region, ...]:
     """All regions of one argument."""
     if isinstance(reading, Stream):
-        return reading.regions
+        return tuple(region for entry in reading.regions for region in regions_of(entry))
     return reading if isinstance(reading, tuple) else (reading,)
 
 

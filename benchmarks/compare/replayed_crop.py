@@ -153,7 +153,7 @@ class Replay:
 
     def _read_all(self, reading: Reading) -> Any:
         if isinstance(reading, Stream):
-            return map(self._read, reading.regions)
+            return map(self._read_all, reading.regions)
         return tuple(map(self._read, reading)) if isinstance(reading, tuple) else self._read(reading)
 
     def _read(self, region: Region) -> Any:

@@ -182,10 +182,14 @@ def _input(store: Store, work: JobOrder, reading: Reading) -> Any:
     def read(region: Region) -> Any:
         return _read(store, work, region)
 
-    # All values of a tuple are held at the end, so that several on their way at a time take no more memory; of a stream they would.
-    if isinstance(reading, tuple) and all(isinstance(region, (Raster, Table)) for region in reading):
-        return tuple(side_by_side(store.depot, read, reading))
-    return read_all(reading, read)
+    def together(regions: tuple[Region, ...]) -> tuple[Any, ...]:
+        # All values of a tuple are held at the end, so that several on their way at a time take no more memory; of a stream they
+        # would.
+        if all(isinstance(region, (Raster, Table)) for region in regions):
+            return tuple(side_by_side(store.depot, read, regions))
+        return tuple(map(read, regions))
+
+    return read_all(reading, read, together)
 
 
 def results_by_name(result: Any, job: Job) -> dict[str, Any]:
@@ -195,12 +199,15 @@ def results_by_name(result: Any, job: Job) -> dict[str, Any]:
     return result if isinstance(result, dict) else {next(iter(job.writes)): result}
 
 
-def read_all(reading: Reading, read: Callable[[Region], Any]) -> Any:
-    """The value of one argument: `read` gives that of a region."""
+def read_all(reading: Reading, read: Callable[[Region], Any], together: Callable[[tuple[Region, ...]], Any] | None = None) -> Any:
+    """The value of one argument: `read` gives that of a region, `together` those of a tuple, one after the other where it is
+    missing."""
     if isinstance(reading, Stream):
         # A generator reads nothing before it is asked, and what it cannot read then ends the job as any other error does.
-        return (read(region) for region in reading.regions)
-    return tuple(map(read, reading)) if isinstance(reading, tuple) else read(reading)
+        return (read_all(entry, read, together) for entry in reading.regions)
+    if isinstance(reading, tuple):
+        return together(reading) if together else tuple(map(read, reading))
+    return read(reading)
 
 
 def _read(store: Store, work: JobOrder, region: Region) -> Any:

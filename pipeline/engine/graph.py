@@ -160,9 +160,11 @@ class Graph:
 
     def _held_bytes(self, reading: Reading) -> int:
         """Bytes of one argument that are in memory at the same time."""
-        sizes = sorted(map(self._bytes_of, regions_of(reading)))
-        # A loop over a stream still holds one region while it reads the next one.
-        return sum(sizes[-2:] if isinstance(reading, Stream) else sizes)
+        if not isinstance(reading, Stream):
+            return sum(map(self._bytes_of, regions_of(reading)))
+        sizes = sorted(sum(map(self._bytes_of, regions_of(entry))) for entry in reading.regions)
+        # A loop over a stream still holds one region while it reads the next one; of a group the function lets go before.
+        return sum(sizes[-1 if reading.in_groups else -2 :])
 
     def _bytes_of(self, region: Region) -> int:
         if isinstance(region, Raster):

@@ -30,7 +30,6 @@ from orthomill.schemas.job import (
     Stream,
     Table,
     TextFile,
-    regions_of,
 )
 from orthomill.schemas.maps.wanted_area import WantedArea
 from orthomill.schemas.photo import Header, Soundness
@@ -55,7 +54,7 @@ class Several:
     """What several regions hold: the kinds of their values, and the generic types that a parameter for them may have."""
 
     word: str
-    kinds: tuple[type, ...]
+    kinds: tuple["Held", ...]
     containers: tuple[type, ...]
 
 
@@ -76,9 +75,9 @@ def misfit(job: Job) -> str | None:
 def _held(reading: Reading) -> Held:
     if not isinstance(reading, tuple | Stream):
         return _held_by(reading)
-    kinds = tuple(dict.fromkeys(map(_held_by, regions_of(reading))))
     if isinstance(reading, Stream):
-        return Several("a stream", kinds, (Iterator, Iterable))
+        return Several("a stream", tuple(dict.fromkeys(map(_held, reading.regions))), (Iterator, Iterable))
+    kinds = tuple(dict.fromkeys(map(_held_by, reading)))
     # The engine passes a tuple; a parameter of type list would invite a function to change it.
     return Several("a tuple", kinds, (tuple, Sequence))
 

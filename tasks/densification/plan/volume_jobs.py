@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from orthomill.schemas.epipolar import EpipolarPair
-from orthomill.schemas.job import Job, MapFile, Raster, Reading, Region, Table
+from orthomill.schemas.job import Job, MapFile, Raster, Reading, Region, Stream, Table
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.observations import GROUND_POINTS
 from orthomill.schemas.orientation import BLOCK as BLOCK_TABLE
@@ -18,7 +18,13 @@ from orthomill.tasks.densification.volume.guide_heights import guided_terrain
 from orthomill.tasks.densification.volume.levels import SIDE, VolumeLevel, VolumeScene
 from orthomill.tasks.densification.volume.quality import Band, Judgement
 from orthomill.tasks.densification.volume.terrain import terrain, terrain_grid
-from orthomill.tasks.densification.volume.volume_tile import VolumeTile, solve_volume, tile_scratch, volume_tiles
+from orthomill.tasks.densification.volume.volume_square import (
+    VolumeSquare,
+    solve_square,
+    square_scratch,
+    square_side,
+    volume_squares,
+)
 
 
 def volume_height(level: int) -> str:
@@ -48,14 +54,14 @@ def volume_plan(
 ) -> Iterator[RasterSpec | Job]:
     """The rasters and jobs of all levels, the coarsest first; level 0 and what is judged have the cells of the surface.
 
-    pairs: of the block, of which narrow ones have depth maps. side: cells; as many whole tiles as there are in it are judged by a
-    job.
+    pairs: of the block, of which narrow ones have depth maps. side: cells; as many whole tiles as there are in it are solved, and
+    judged, by a job.
     """
     yield from guided_terrain_plan(scene.guide, scene.surface.grid, stage, crs, scene.reach)
     for level in scene.levels:
-        yield from volume_specs(level, crs)
-        for tile in volume_tiles(level, scene):
-            yield _job(tile, scene, stage)
+        yield from volume_specs(level, square_side(level, side), crs)
+        for square in volume_squares(level, scene, side):
+            yield _job(square, scene, stage)
     seen_alike = narrow(pairs)
     yield from depth_plan(seen_alike, stage)
     yield from _judged(scene, limits, seen_alike, SIDE * max(side // SIDE, 1), stage, crs)
@@ -88,34 +94,35 @@ def guided_terrain_plan(
     yield Job(stage=stage, item="terrain", function=function, reads=reads, writes=writes, params=params, scratch=scratch)
 
 
-def volume_specs(level: VolumeLevel, crs: str) -> tuple[RasterSpec, RasterSpec]:
-    """The rasters of a level. One chunk is one tile."""
+def volume_specs(level: VolumeLevel, side: int, crs: str) -> tuple[RasterSpec, RasterSpec]:
+    """The rasters of a level. One chunk is one square of `side` cells."""
     return (
-        map_raster(volume_height(level.number), level.grid, "float32", crs, SIDE, nodata=float("nan"), unit="m"),
-        map_raster(volume_quality(level.number), level.grid, "uint8", crs, SIDE, bands=len(Band), colours=False),
+        map_raster(volume_height(level.number), level.grid, "float32", crs, side, nodata=float("nan"), unit="m"),
+        map_raster(volume_quality(level.number), level.grid, "uint8", crs, side, bands=len(Band), colours=False),
     )
 
 
-def _job(tile: VolumeTile, scene: VolumeScene, stage: str) -> Job:
-    reads: dict[str, Region | tuple[Region, ...]] = {"block": BLOCK_TABLE}
-    if tile.photos:
-        reads["photos"] = tuple(Raster(photo_raster(part.name, part.level), part.window) for part in tile.photos)
-        reads["terrain"] = Raster(TERRAIN, tile.places)
+def _job(square: VolumeSquare, scene: VolumeScene, stage: str) -> Job:
+    level, reads = square.level.number, dict[str, Reading](block=BLOCK_TABLE)
+    if square.tiles:
+        reads["photos"] = Stream(
+            tuple(tuple(Raster(photo_raster(part.name, part.level), part.window) for part in tile.photos) for tile in square.tiles)
+        )
+        reads["terrain"] = Raster(TERRAIN, square.places)
         if scene.guided:
-            reads["reach"] = Raster(GUIDE_REACH, tile.places)
-    if tile.photos and tile.coarser:
-        reads["coarser"] = Raster(volume_height(tile.level.number + 1), tile.coarser)
-    level = tile.level.number
+            reads["reach"] = Raster(GUIDE_REACH, square.places)
+    if square.coarser:
+        reads["coarser"] = Raster(volume_height(level + 1), square.coarser)
     return Job(
         stage=stage,
         item=f"volume {level}",
-        function=solve_volume,
+        function=solve_square,
         reads=reads,
-        writes={"height": Raster(volume_height(level), tile.window), "quality": Raster(volume_quality(level), tile.window)},
-        params={"tile": tile, "settings": scene.settings},
-        row=tile.row,
-        col=tile.col,
-        scratch=tile_scratch(tile, scene),
+        writes={"height": Raster(volume_height(level), square.window), "quality": Raster(volume_quality(level), square.window)},
+        params={"square": square, "settings": scene.settings},
+        row=square.row,
+        col=square.col,
+        scratch=square_scratch(square, scene),
     )
 
 

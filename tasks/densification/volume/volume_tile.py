@@ -101,7 +101,9 @@ def _fitting(tile: VolumeTile, needed: dict[PhotoPart, int], scene: VolumeScene)
     used = list(needed)
     pixels = {part: _rectified_pixels(tile, part, scene) for part in used}
     used.sort(key=lambda part: (-needed[part] / max(pixels[part], 1), scene.block.names.index(part.name)))
-    while len(used) > 2 and _tile_memory(replace(tile, photos=tuple(used)), [pixels[part] for part in used], scene) > MOST_MEMORY:
+    while (
+        len(used) > 2 and sum(_tile_memory(replace(tile, photos=tuple(used)), [pixels[part] for part in used], scene)) > MOST_MEMORY
+    ):
         used.pop()
     return used
 
@@ -153,7 +155,7 @@ def solve_volume(
     coarser: heights (rows, cols) of `tile.coarser`; reach (rows, cols, 2): how far below and above the terrain heights can lie,
     None: anywhere."""
     if terrain is None or len(photos) < 2:
-        return _nothing(tile.window.shape)
+        return nothing(tile.window.shape)
     views = [block_view(block, part.name) for part in tile.photos]
     candidates = _candidates(tile, settings, coarser)
     if reach is not None:
@@ -163,7 +165,7 @@ def solve_volume(
     preferred = _preferred(tile, views, settings, block, coarser)
     used = np.unique(preferred[preferred >= 0])
     if candidates.offset[-1] == 0 or len(used) < 2:
-        return _nothing(tile.window.shape)
+        return nothing(tile.window.shape)
     tile = replace(tile, photos=tuple(tile.photos[number] for number in used))
     views, photos = [views[number] for number in used], tuple(photos[number] for number in used)
     preferred = np.where(preferred >= 0, np.searchsorted(used, preferred), -1)
@@ -303,18 +305,26 @@ def _solved(tile: VolumeTile, cells: OptimisedCells, height: np.ndarray, setting
     return SolvedVolume(np.ascontiguousarray(height[inner]), np.ascontiguousarray(quality[inner]))
 
 
-def _nothing(shape: tuple[int, int]) -> SolvedVolume:
+def nothing(shape: tuple[int, int]) -> SolvedVolume:
+    """What is found where fewer than two photographs look."""
     return SolvedVolume(np.full(shape, np.nan, np.float32), np.zeros((*shape, len(Band)), np.uint8))
 
 
-def tile_scratch(tile: VolumeTile, scene: VolumeScene) -> int:
-    """Working memory of `solve_volume`, bytes."""
-    return _scratch(tile, [_rectified_pixels(tile, part, scene) for part in tile.photos], scene)
+class TileMemory(NamedTuple):
+    """Bytes: working memory of `solve_volume`, and the pixels that it is given."""
+
+    scratch: int
+    pixels: int
 
 
-def _tile_memory(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:
-    """Bytes of `solve_volume` and of the pixels that it is given; `pixels`: those of the rectified photographs."""
-    return _scratch(tile, pixels, scene) + sum(array_bytes(3, part.window) for part in tile.photos)
+def tile_memory(tile: VolumeTile, scene: VolumeScene) -> TileMemory:
+    """What a tile takes."""
+    return _tile_memory(tile, [_rectified_pixels(tile, part, scene) for part in tile.photos], scene)
+
+
+def _tile_memory(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> TileMemory:
+    """`pixels`: those of the rectified photographs."""
+    return TileMemory(_scratch(tile, pixels, scene), sum(array_bytes(3, part.window) for part in tile.photos))
 
 
 def _scratch(tile: VolumeTile, pixels: list[int], scene: VolumeScene) -> int:

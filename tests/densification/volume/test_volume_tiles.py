@@ -22,7 +22,8 @@ from orthomill.tasks.densification.volume import volume_tile
 from orthomill.tasks.densification.volume.levels import HALO, SIDE, VolumeScene, coarser_window, level_grid
 from orthomill.tasks.densification.volume.photograph_choice import PLACE
 from orthomill.tasks.densification.volume.quality import SPREAD_UNIT, STRETCH_UNIT, Band
-from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_scratch, volume_tiles
+from orthomill.tasks.densification.volume.volume_square import solve_square
+from orthomill.tasks.densification.volume.volume_tile import SolvedVolume, VolumeTile, solve_volume, tile_memory, volume_tiles
 from orthomill.tasks.matching.volume.volume_settings import HeightVolume
 
 SETTINGS = HeightVolume(widest=32)
@@ -160,14 +161,14 @@ def test_a_smaller_step_gives_more_heights_and_levels():
 def test_memory_follows_candidates_and_photographs():
     few, many = scene("ab"), scene("abcd")
     tile, other = (volume_tiles(one.levels[-1], one)[0] for one in (few, many))
-    assert 0 < tile_scratch(tile, few) < tile_scratch(other, many)
+    assert 0 < tile_memory(tile, few).scratch < tile_memory(other, many).scratch
     wide = scene(settings=HeightVolume(widest=32, mean_heights=256))
-    assert tile_scratch(volume_tiles(wide.levels[-1], wide)[0], wide) > tile_scratch(other, many)
+    assert tile_memory(volume_tiles(wide.levels[-1], wide)[0], wide).scratch > tile_memory(other, many).scratch
 
 
 def memory_of(tile: VolumeTile, of: VolumeScene) -> int:
     """Working memory and pixels of a tile, bytes."""
-    return tile_scratch(tile, of) + sum(3 * part.window.cells for part in tile.photos)
+    return tile_memory(tile, of).scratch + sum(3 * part.window.cells for part in tile.photos)
 
 
 def test_photographs_with_few_places_for_their_pixels_stay_out_first(monkeypatch):
@@ -189,7 +190,7 @@ def test_a_tile_that_would_not_fit_a_worker_leaves_out_the_photographs_it_needs_
     whole = volume_tiles(many.levels[-1], many)[0]
     monkeypatch.setattr(volume_tile, "MOST_MEMORY", memory_of(whole, many) - 1)
     fewer = volume_tiles(many.levels[-1], many)[0]
-    assert len(fewer.photos) == len(whole.photos) - 1 and tile_scratch(fewer, many) < tile_scratch(whole, many)
+    assert len(fewer.photos) == len(whole.photos) - 1 and memory_of(fewer, many) < memory_of(whole, many)
     assert [part for part in whole.photos if part in fewer.photos] == list(fewer.photos), "in the order of the block"
     monkeypatch.setattr(volume_tile, "MOST_MEMORY", 0)
     assert len(volume_tiles(many.levels[-1], many)[0].photos) == 2
@@ -221,8 +222,8 @@ def test_photographs_that_no_place_compares_are_left_alone():
 
 def test_jobs_read_the_level_below():
     for thing in volume_plan(scene(), ConfidenceLimits(), (), 64, "densification", "EPSG:2100"):
-        if isinstance(thing, Job) and thing.function is solve_volume:
-            level = thing.params["tile"].level.number
+        if isinstance(thing, Job) and thing.function is solve_square:
+            level = thing.params["square"].level.number
             coarser = thing.reads.get("coarser")
             assert (coarser is None) == (level == scene().levels[0].number)
             assert coarser is None or (isinstance(coarser, Raster) and coarser.name == volume_height(level + 1))

@@ -1,6 +1,7 @@
 """Streamed reads: what a job reads one region at a time is what it would have read at once, in memory that does not grow."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from toy_stages import MEMORY, SIZE, TOTAL, Size, SmoothStage, SourceStage, SumStage, Total, add_up, run_in
 
+from orthomill.pipeline.engine import execute as execute_
 from orthomill.pipeline.engine.dask_cluster import local_client
 from orthomill.pipeline.engine.dask_runner import DaskRunner
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
@@ -122,6 +124,27 @@ def test_tables_and_texts_may_be_streamed(tmp_path):
     assert total(tmp_path) == 23
 
 
+def test_groups_are_read_together_when_they_are_asked_for(tmp_path, monkeypatch):
+    events, together = [], execute_.side_by_side
+
+    def noted(depot, read, regions):
+        events.append([region.window.row for region in regions])
+        return together(depot, read, regions)
+
+    def work(groups: Iterator[tuple[np.ndarray, ...]]) -> Total:
+        events.append("begun")
+        assert [len(next(groups)), float(next(groups)[1][0, 0]) == VALUES[3, 0]] == [1, True]
+        return Total(total=1)
+
+    monkeypatch.setattr(execute_, "side_by_side", noted)
+    run(
+        tmp_path,
+        work,
+        {"groups": Stream(tuple(tuple(Raster(SPEC.name, Window(r, 0, 1, 4)) for r in g) for g in ((1,), (2, 3), (4,))))},
+    )
+    assert events == ["begun", [1], [2, 3]]
+
+
 @pytest.mark.parametrize("stream", [False, True])
 def test_what_cannot_be_read_ends_the_job_with_the_same_sentence(tmp_path, stream):
     def joined(texts: Iterator[str]) -> Total:
@@ -151,7 +174,7 @@ def add_streamed(parts: Iterator[np.ndarray]) -> Total:
     return Total(total=float(sum(part.astype(np.float64).sum() for part in parts)))
 
 
-def planned(root: Path, reading: Reading, count: int = 0):
+def planned(root: Path, reading: Reading, count: int = 0, streamed=add_streamed):
     """The planned job that reads `reading` in a graph with `count` rasters a/0, a/1, ... and their writers."""
     graph = Graph(root, "runs/toy")
     for number in range(count):
@@ -167,7 +190,7 @@ def planned(root: Path, reading: Reading, count: int = 0):
                 params={"window": spec.full},
             )
         )
-    function = add_streamed if isinstance(reading, Stream) else add_up
+    function = streamed if isinstance(reading, Stream) else add_up
     return graph.add(Job(stage="b", item="total", function=function, reads={"parts": reading}, writes={"total": TOTAL}))
 
 
@@ -187,6 +210,18 @@ def test_planned_memory_is_that_of_the_two_largest_regions(tmp_path_factory, sid
     parts = tuple(Raster(f"a/{number}", Window(0, 0, side, 64)) for number, side in enumerate(sides))
     memory = planned(tmp_path_factory.getbasetemp(), Stream(parts), len(parts)).memory
     assert memory == PROCESS_BYTES + 4 * 64 * sum(sorted(sides, reverse=True)[:2])
+
+
+def add_groups(parts: Iterator[tuple[np.ndarray, ...]]) -> Total:
+    return Total(total=float(sum(part.astype(np.float64).sum() for group in parts for part in group)))
+
+
+def test_planned_memory_is_that_of_the_largest_group(tmp_path):
+    groups = Stream((regions(2), regions(5), regions(3)))
+    job = planned(tmp_path, groups, 5, add_groups)
+    assert groups.in_groups and job.memory == PROCESS_BYTES + 5 * 4 * 64 * 64
+    assert job.dependencies == planned(tmp_path, regions(5), 5).dependencies
+    assert "a stream of a tuple of ndarray" in str(misfit(replace(job.job, function=add_streamed)))
 
 
 def test_files_of_a_stream_count_with_their_size(tmp_path):

@@ -99,7 +99,7 @@ class MemoryProject:
 
     def _read_all(self, reading: Reading):
         if isinstance(reading, Stream):
-            return map(self._read, reading.regions)
+            return map(self._read_all, reading.regions)
         return tuple(map(self._read, reading)) if isinstance(reading, tuple) else self._read(reading)
 
     def _read(self, region: Raster | Table):
