@@ -658,6 +658,14 @@ _ALL = (
         words="[SECONDS [PROJECT [WORKERS]]]",
     ),
     Study(
+        "worker_cases",
+        "trust.worker_cases",
+        "runs whose workers join, are killed, leave, are small or of another version: does each end?",
+        "minutes",
+        ("pipeline/engine",),
+        words="[RUNS]",
+    ),
+    Study(
         "scattered_workers",
         "trust.scattered_workers",
         "workers with nothing in common but an object store, one slow, one small, all killed by lot",

@@ -50,10 +50,20 @@ class Node:
                 worker.kill()
         return bool(found)
 
+    def warn(self) -> None:
+        """Ask the nanny to end, as a machine does that is taken away."""
+        with suppress(psutil.NoSuchProcess):
+            self._nanny.terminate()
+
     def keep_up(self) -> None:
         """Start anew what has no worker."""
         if not self.workers():
             self.end()
+            self._nanny, self.revived = self._start(), self.revived + 1
+
+    def replace(self) -> None:
+        """Start another where the nanny has ended by itself."""
+        if self._nanny.poll() is not None:
             self._nanny, self.revived = self._start(), self.revived + 1
 
     def end(self) -> None:
