@@ -633,6 +633,15 @@ _ALL = (
         words="[JOBS [WORKERS]]",
     ),
     Study(
+        "store_cost",
+        "scale.store_cost",
+        "a project in an object store instead of a folder: processor time, and the same bytes",
+        "minutes",
+        ("pipeline/storage", "pipeline/engine"),
+        needs="SeaweedFS (weed), Azurite or fake-gcs-server",
+        words="[ROUNDS [PROJECT]]",
+    ),
+    Study(
         "large_projects",
         "scale.large_projects",
         "a town, a county, a city and a country on simulated clusters, from the jobs of a finished run",
