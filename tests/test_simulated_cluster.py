@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.scale.job_counts import IN_SHEETS, GoesBy, Spread, placed_side_by_side, spread_of
+from benchmarks.scale.job_counts import IN_SHEETS, OF_LEVELS, GoesBy, Spread, placed_side_by_side, spread_of
 from benchmarks.scale.recorded_layout import BY_PHOTOGRAPH, GROWING, JOINING, MORE_EACH, Layout, enlarged, with_parts
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
 from orthomill.pipeline.forecast.known_costs import family_of
@@ -16,6 +16,7 @@ from orthomill.schemas.job import Job
 from orthomill.tasks.accuracy.promises import disjoint_photographs
 from orthomill.tasks.colouring.balance.balancing import balanced_block
 from orthomill.tasks.densification.precision.tie_points import tie_counts
+from orthomill.tasks.densification.volume.volume_square import solve_square
 from orthomill.tasks.epipolar.measured_pairs import measured_pairs
 from orthomill.tasks.orientation.exterior.adjusted_block import orient_block
 from orthomill.tasks.orientation.relative.pairs import relate_pairs
@@ -178,3 +179,11 @@ def test_the_plan_with_larger_tiles_tells_what_the_number_of_jobs_goes_by():
     )
     assert spread.goes.tolist() == expected
     assert spread.numbers(1.0, 1.0, 4.0).sum() == pytest.approx(len(large))
+
+
+def test_levels_that_cover_the_map_go_by_its_tiles():
+    assert {solve_square.__name__} == OF_LEVELS
+    small = [planned(solve_square, f"volume {level}", row) for level, squares in ((1, 2), (0, 8)) for row in range(squares)]
+    large = [planned(solve_square, f"volume {level}", row) for level, squares in ((1, 1), (0, 2)) for row in range(squares)]
+    spread = spread_of(small, Counter(map(family_of, large)), placed_side_by_side(large))
+    assert set(spread.goes.tolist()) == {GoesBy.TILE_OF_MAP}

@@ -23,6 +23,9 @@ LARGER = 4
 IN_SHEETS = {"join_contours", "tie_counts"}
 """functions of jobs that a project has for every sheet of some thousand cells: volos is one sheet"""
 
+OF_LEVELS = {"solve_square"}
+"""functions of jobs that cover the map several times, level by level; those of others that have several items cover photographs"""
+
 
 class GoesBy(IntEnum):
     """What the number of jobs goes by."""
@@ -109,7 +112,7 @@ def _made_once(one: PlannedJob, of_family: int) -> bool:
 def _goes_by(family: Family, as_many: bool, placed: bool, items: int) -> GoesBy:
     if as_many:
         return GoesBy.SQUARE if placed or family[1] in IN_SHEETS else GoesBy.PHOTOGRAPH
-    return GoesBy.TILE_OF_PHOTOGRAPH if items > 1 else GoesBy.TILE_OF_MAP
+    return GoesBy.TILE_OF_PHOTOGRAPH if items > 1 and family[1] not in OF_LEVELS else GoesBy.TILE_OF_MAP
 
 
 def _extents(planned: Sequence[PlannedJob], families: Sequence[Family], groups: Sequence) -> dict:

@@ -105,7 +105,8 @@ def layout_of(project: str) -> Layout:
 
 def _streams(job: Job | Export) -> bool:
     """Whether a job reads one object after the other: files are made block by block."""
-    return isinstance(job, Export) or any(isinstance(reading, Stream) for reading in job.reads.values())
+    # Of a group of a stream several are on their way at a time.
+    return isinstance(job, Export) or any(isinstance(one, Stream) and not one.in_groups for one in job.reads.values())
 
 
 def _goes_in_parts(planned: PlannedJob) -> bool:

@@ -96,8 +96,8 @@ def page(project: str, found: dict[str, list[Kept]], results: int, first: Measur
         "# An object store instead of a folder",
         "",
         f"Project `{project}` from nothing with two workers on one machine, {len(found[HERE])} runs in each place in turn. "
-        "Processor time of the command and its workers, not of the program that is the store; *ratio*: to the run in a folder of the "
-        "same round.",
+        "Processor time of the command and its workers, not of the program that is the store; *ratio*: to the run in a folder of "
+        "the same round.",
         "",
         "| kept in | CPU-s, median | of each run | ratio, median | least and most | the same bytes |",
         "| --- | --- | --- | --- | --- | --- |",
