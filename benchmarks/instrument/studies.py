@@ -672,7 +672,7 @@ _ALL = (
         "runs whose workers join, are killed, leave, are small or of another version: does each end?",
         "minutes",
         ("pipeline/engine",),
-        words="[RUNS]",
+        words="[RUNS [MINUTES]]",
     ),
     Study(
         "scattered_workers",

@@ -89,7 +89,7 @@ def scheduler(folder: Path) -> Iterator[str]:
     process = _started(folder, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
     try:
         until = time.monotonic() + STARTS
-        while not file.exists() and time.monotonic() < until:
+        while not (file.exists() and file.read_text().rstrip().endswith("}")) and time.monotonic() < until:
             time.sleep(0.1)
         yield json.loads(file.read_text())["address"]
     finally:

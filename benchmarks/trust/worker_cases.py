@@ -1,6 +1,6 @@
 """Workers of a cluster that join, are killed, leave, are small or of another version: does every run end, and how?
 
-python -m benchmarks worker_cases [RUNS]
+python -m benchmarks worker_cases [RUNS [MINUTES]]
 
 Each run has a scheduler, workers and a command of its own, all of them processes; what happens to the workers happens at a moment
 by lot after the first tile is there, or all the time. The project is that of the engine's tests, whose first stage takes half a
@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 
 import psutil
@@ -183,18 +184,23 @@ class DemandingStage(SourceStage):
 
 
 def main(words: list[str]) -> None:
-    """Makes RUNS runs (54), and writes the page."""
-    runs = int(words[0]) if words else 54
+    """Makes RUNS runs (54), of which none begins after so many MINUTES, and writes the page."""
+    runs, minutes = int(words[0]) if words else 54, float(words[1]) if words[1:] else inf
+    until = time.monotonic() + 60.0 * minutes
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         (folder / "other.py").write_text(OTHER)
         run_in(folder / "alone", SourceStage(rows=500, cols=500), SmoothStage(), SumStage())
         expected = kept(Folder(folder / "alone/runs/toy"))
         cases = _cases(folder / "other.py")
-        numbered = [(number, cases[number % len(cases)]) for number in range(runs)]
+
+        def ended(number: int) -> tuple[Case, Ending] | None:
+            case = cases[number % len(cases)]
+            return (case, run_case(folder / f"run{number}", number, case, expected)) if time.monotonic() < until else None
+
         with ThreadPoolExecutor(AT_ONCE) as pool:
-            endings = list(pool.map(lambda one: run_case(folder / f"run{one[0]}", *one, expected), numbered))
-    write_page("worker_cases", words, page(cases, [case for _, case in numbered], endings, len(expected)))
+            endings = [one for one in pool.map(ended, range(runs)) if one]
+    write_page("worker_cases", words, page(cases, endings, len(expected)))
 
 
 def run_case(folder: Path, number: int, case: Case, expected: dict[str, str]) -> Ending:
@@ -246,9 +252,9 @@ def _code(process: subprocess.Popen, seconds: float) -> int | None:
         return None
 
 
-def page(cases: tuple[Case, ...], of: list[Case], endings: list[Ending], results: int) -> str:
+def page(cases: tuple[Case, ...], endings: list[tuple[Case, Ending]], results: int) -> str:
     """The page."""
-    good = sum(ending.as_expected(case.whole) for case, ending in zip(of, endings, strict=True))
+    good, hung = sum(ending.as_expected(case.whole) for case, ending in endings), sum(ending.code is None for _, ending in endings)
     lines = [
         "# Workers that come and go",
         "",
@@ -256,14 +262,14 @@ def page(cases: tuple[Case, ...], of: list[Case], endings: list[Ending], results
         f"happens within {LATEST:g} s after the first tile. *Whole*: the command ended well, and every raster, table and product "
         "is that of a run without workers, byte for byte. Where no worker may do all jobs the command is to end with a sentence.",
         "",
-        f"**{good} of {len(endings)} ended as they must, {sum(ending.code is None for ending in endings)} hung.**",
+        f"**{good} of {len(endings)} ended as they must, {hung} hung.**",
         "",
         "| what happens | runs | happened in time | whole | ended with a sentence | hung | longest, s |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     sentences = []
     for case in cases:
-        mine = [ending for one, ending in zip(of, endings, strict=True) if one is case]
+        mine = [ending for one, ending in endings if one is case]
         told = [ending for ending in mine if ending.as_expected(whole=False)]
         figures = (
             len(mine),
