@@ -13,7 +13,7 @@ from orthomill.tasks.adjustment.model.datum import add_prior, freedoms, prior_co
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import NOT_SHIFTED
 from orthomill.tasks.adjustment.solve.minimise import minimise
-from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, reduced_normals
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_covariances, point_precision, reduced_normals
 from orthomill.tasks.adjustment.testing.covariances import covariance_of, with_considered
 from orthomill.tasks.geometry.rotation import rotation_matrix
 from orthomill.tasks.geometry.rotation_vector import angles_from_vector, rotation_of_vector, vector_of_rotation
@@ -72,6 +72,7 @@ def test_precision_equals_the_dense_inverse():
     cofactor = covariance_of(network, state, linear)
     assert np.allclose(cofactor.variances, np.diag(inverse)[:n], rtol=1e-5)
     points, adjusted = point_precision(linear, cofactor.blocks)
+    assert (point_covariances(linear, cofactor.blocks) == points).all()
     assert np.allclose(points[7], inverse[n + 21 : n + 24, n + 21 : n + 24], rtol=1e-4, atol=1e-12)
     assert np.allclose(adjusted.ravel(), np.einsum("ij,jk,ik->i", A, inverse, A), rtol=1e-4)
 

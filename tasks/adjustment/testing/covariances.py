@@ -17,7 +17,7 @@ from orthomill.tasks.adjustment.model.datum import add_prior
 from orthomill.tasks.adjustment.model.linearisation import Linear, seen_pattern, structure
 from orthomill.tasks.adjustment.model.network import Network, State
 from orthomill.tasks.adjustment.solve.minimise import UNDETERMINED
-from orthomill.tasks.adjustment.solve.normal_equations import point_precision, reduced_normals
+from orthomill.tasks.adjustment.solve.normal_equations import point_covariances, point_precision, reduced_normals
 from orthomill.tasks.adjustment.solve.normal_inverse import Inverse, inverse_of
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 
@@ -145,14 +145,23 @@ def _considered_covariance(network: Network) -> np.ndarray:
 def points_and_rays(network: Network, linear: Linear, cofactor: Covariance) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (N, 3, 3) of all points, kept ones too, and variances (M, 2) px^2 of the computed image coordinates."""
     points, adjusted = point_precision(linear, cofactor.blocks)
+    return _with_kept(network, cofactor, points), adjusted
+
+
+def points_alone(network: Network, linear: Linear, cofactor: Covariance) -> np.ndarray:
+    """Covariance (N, 3, 3) of all points, kept ones too."""
+    return _with_kept(network, cofactor, point_covariances(linear, cofactor.blocks))
+
+
+def _with_kept(network: Network, cofactor: Covariance, points: np.ndarray) -> np.ndarray:
     # Kept points are unknowns of the reduced system: for them the elimination left only zeros.
     points[network.kept] = cofactor.blocks.pieces(network.kept_columns)
-    return points, adjusted
+    return points
 
 
 def points_elsewhere(linear: Linear, cofactor: Covariance) -> np.ndarray:
     """Covariance (N, 3, 3) of points that took no part in the adjustment and may connect photographs without common points."""
-    return point_precision(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))[0]
+    return point_covariances(linear, cofactor.of_pattern(seen_pattern(linear, cofactor.blocks.pattern.start)))
 
 
 def distances_elsewhere(linear: Linear, cofactor: Covariance, point: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, hstack
 from orthomill.kernels.kernel_compilation import njit
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays
-from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_precision, point_precision_alone
+from orthomill.tasks.adjustment.solve.normal_equations import point_corrections, point_covariances, point_precision_alone
 from orthomill.tasks.adjustment.sparse.block_matrix import BlockMatrix, Pattern
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, CorrelatedErrors
 from orthomill.tasks.adjustment.testing.covariances import Motion
@@ -65,10 +65,10 @@ def with_correlated_errors(
     fields, added, motion = _propagated(result, errors, size, known)
     rays = weighted_rays(result)
     linear, basis = linearised(network, result.state, rays), field_basis(rays.xy, size[rays.photo])
-    # `point_precision` adds the precision of the rays themselves, which the result has already.
+    # `point_covariances` adds the precision of the rays themselves, which the result has already.
     exact = point_precision_alone(linear, added.pattern.start)
     pulls = _pulls(linear, rays, network.camera_of, basis, fields)
-    points = point_precision(linear, added)[0] - exact + exact @ pulls @ exact
+    points = point_covariances(linear, added) - exact + exact @ pulls @ exact
     if known is not None and known.size:
         moved = motion.inverse.times(motion.pulls @ known)
         # It moves unknowns and rays together; before the kept points, which are unknowns, are read.

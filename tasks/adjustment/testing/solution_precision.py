@@ -7,7 +7,7 @@ from orthomill.tasks.adjustment.model.collinearity import residuals
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Network, Rays, State
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Covariances, Factors
-from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
+from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_alone, points_and_rays, with_considered
 
 # A ray that alone determines something has a redundancy number of 0 and a residual of 0: their quotient has to stay a number.
 LEAST_REDUNDANCY = 1e-6
@@ -28,7 +28,7 @@ def precise_solution(network: Network, state: State, rays: Rays, used: np.ndarra
         # The redundancy numbers are those of the adjustment as computed; the covariance is that of what it does not know, too.
         computed = Covariances(network, cofactor, points)
         cofactor = with_considered(network, linear, cofactor)
-        points, _ = points_and_rays(network, linear, cofactor)
+        points = points_alone(network, linear, cofactor)
     numbers, standardised = np.full((len(rays), 2), np.nan), np.full((len(rays), 2), np.nan)
     numbers[used] = np.clip(1.0 - adjusted * linear.weight[:, None], LEAST_REDUNDANCY, 1.0)
     residual = residuals(state, rays, network.camera_of)

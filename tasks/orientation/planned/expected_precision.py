@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthomill.tasks.adjustment.model.linearisation import Linear, linearised
-from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of, points_and_rays, with_considered
+from orthomill.tasks.adjustment.testing.covariances import Covariance, covariance_of, points_alone, with_considered
 from orthomill.tasks.orientation.planned.planned_network import IMAGE, PlannedNetwork
 
 NARROW = 0.05
@@ -55,7 +55,7 @@ def often_seen(planned: PlannedNetwork) -> np.ndarray:
 def _of_points(planned: PlannedNetwork, linear: Linear, covariance: Covariance) -> np.ndarray:
     """(N, 3) variances of the points: of the block, and of their own measurements, of which each is as good as one of an area."""
     own = linear._replace(weight=np.full_like(linear.weight, 1.0 / IMAGE**2))
-    return np.diagonal(points_and_rays(planned.network, own, covariance)[0], axis1=1, axis2=2)
+    return np.diagonal(points_alone(planned.network, own, covariance), axis1=1, axis2=2)
 
 
 def _bend(linear: Linear, covariance: Covariance, points: np.ndarray, forms: np.ndarray) -> float:

@@ -18,7 +18,7 @@ from orthomill.tasks.adjustment.model.interior_settings import InteriorChoice
 from orthomill.tasks.adjustment.model.linearisation import linearised
 from orthomill.tasks.adjustment.model.network import Interior
 from orthomill.tasks.adjustment.testing.adjustment_result import Adjustment, Covariances
-from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_and_rays, with_considered
+from orthomill.tasks.adjustment.testing.covariances import covariance_of, points_alone, with_considered
 from orthomill.tasks.adjustment.testing.error_fields import weighted_rays
 from orthomill.tasks.orientation.block.assembly import BlockResults
 from orthomill.tasks.orientation.block.camera_constant import step_in
@@ -63,7 +63,7 @@ def with_held(result: Adjustment, sigma: np.ndarray) -> Adjustment:
     known = replace(network, interior=_considered(interior, held, _moments(result, held, sigma)))
     linear = linearised(known, result.state, weighted_rays(result))
     cofactor = with_considered(known, linear, covariance_of(known, result.state, linear))
-    points, _ = points_and_rays(known, linear, cofactor)
+    points = points_alone(known, linear, cofactor)
     computed = result.computed or Covariances(network, result.cofactor, result.point_covariance)
     return replace(result, network=known, cofactor=cofactor, point_covariance=points, computed=computed)
 
