@@ -28,7 +28,7 @@ class Server:
         (folder / "data").mkdir()
         ports = [f"-master.port={master}", f"-volume.port={volume}", f"-filer.port={filer}", f"-s3.port={s3}"]
         self.words = [weed, f"-logdir={folder}", "server", f"-dir={folder / 'data'}", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", "-s3"]
-        self.words += [*ports, "-s3.port.iceberg=0", "-s3.port.lance=0", f"-s3.config={folder / 's3.json'}", "-volume.max=8"]
+        self.words += [*ports, "-s3.port.iceberg=0", "-s3.port.lance=0", f"-s3.config={folder / 's3.json'}", "-volume.max=64"]
         self.words += ["-master.volumeSizeLimitMB=64", "-master.telemetry=false"]
 
     @property
