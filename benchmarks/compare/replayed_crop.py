@@ -15,9 +15,10 @@ import numpy as np
 from numba.core.event import install_recorder
 from scipy.ndimage import map_coordinates
 
+from orthomill.pipeline.engine.execute import read_all
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.epipolar import PAIRS, EpipolarPair, EpipolarPairs, epipolar_raster
-from orthomill.schemas.job import Export, Job, MapFile, Raster, Reading, Region, Stream, Table
+from orthomill.schemas.job import Export, Job, MapFile, Raster, Region, Table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import MapGrid, RasterSpec, Window
@@ -146,15 +147,10 @@ class Replay:
                 self.rasters[region.name][region.window.slices] = values[name]
 
     def _timed(self, job: Job) -> tuple[Any, float]:
-        reads = {name: self._read_all(reading) for name, reading in job.reads.items()}
+        reads = {name: read_all(reading, self._read) for name, reading in job.reads.items()}
         began = time.process_time()
         result = job.function(**reads, **job.params)
         return result, time.process_time() - began
-
-    def _read_all(self, reading: Reading) -> Any:
-        if isinstance(reading, Stream):
-            return map(self._read_all, reading.regions)
-        return tuple(map(self._read, reading)) if isinstance(reading, tuple) else self._read(reading)
 
     def _read(self, region: Region) -> Any:
         if isinstance(region, Table):

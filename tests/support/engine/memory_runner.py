@@ -7,21 +7,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from orthomill.pipeline.engine.execute import read_all
 from orthomill.pipeline.engine.job_signature import misfit
-from orthomill.schemas.job import (
-    Export,
-    HeightFile,
-    HeightHeader,
-    Job,
-    MapFile,
-    MapHeader,
-    MeshFile,
-    PhotoPixels,
-    Raster,
-    Reading,
-    Stream,
-    Table,
-)
+from orthomill.schemas.job import Export, HeightFile, HeightHeader, Job, MapFile, MapHeader, MeshFile, PhotoPixels, Raster, Table
 from orthomill.schemas.project import MapSurface
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_contract import NotYet, Stage
@@ -88,7 +76,7 @@ class MemoryProject:
 
     def _execute(self, job: Job) -> None:
         assert misfit(job) is None, misfit(job)
-        result = job.function(**{name: self._read_all(reading) for name, reading in job.reads.items()}, **job.params)
+        result = job.function(**{name: read_all(reading, self._read) for name, reading in job.reads.items()}, **job.params)
         if hasattr(result, "_fields"):
             result = result._asdict()
         elif not (isinstance(result, dict) and result.keys() == job.writes.keys()):
@@ -96,11 +84,6 @@ class MemoryProject:
         assert all(value is None for name, value in result.items() if name not in job.writes)
         for name, region in job.writes.items():
             self._write(region, result[name])
-
-    def _read_all(self, reading: Reading):
-        if isinstance(reading, Stream):
-            return map(self._read_all, reading.regions)
-        return tuple(map(self._read, reading)) if isinstance(reading, tuple) else self._read(reading)
 
     def _read(self, region: Raster | Table):
         if isinstance(region, Table):
