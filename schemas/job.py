@@ -222,7 +222,7 @@ class Export:
     reference system of the raster "place"), "map" (a page for a browser from a `MapPage` and the files of its parts, which
     `orthomill.schemas.maps.map_parts` names: "map shades", "map tiles", "map values", "map points", "map lines"), "areas"
     (GeoPackage with the areas of the raster "codes", named by the one table, a `CodedAreas`). The engine turns a large "cog" or
-    "laz" of rasters into several "cog part" and a "cog of parts".
+    "laz" of rasters into several "cog part" and a "cog of parts", a very large "cog" into "cog sheet" and a "cog of sheets".
     """
 
     stage: str

@@ -463,3 +463,10 @@ class Project(Settings):
     )
     # Multiples of 64: pyramid levels and the blocks of exported GeoTIFFs divide a tile without a rest.
     tile: int = setting(512, "Side of a tile: the unit of work, of storage and of memory.", "px", ge=128, le=8192, multiple_of=64)
+    sheets_above: float = setting(
+        40.0,
+        "Size, not compressed, above which a raster product is written as sheets of 16384 x 16384 px, by many workers at once, and "
+        "a virtual raster (.vrt) that joins them; below it is one GeoTIFF, which one worker joins in the end.",
+        "GB",
+        gt=0,
+    )

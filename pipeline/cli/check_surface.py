@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from orthomill.pipeline.storage.depots.product_files import product_file, refuse_joined
 from orthomill.pipeline.storage.file_names import shown
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of
 from orthomill.pipeline.storage.mesh_files import MESH_SUFFIXES
@@ -76,6 +77,7 @@ def check_workflow(
             "compares one height of every place. Make a GeoTIFF of its upper side (CloudCompare: Rasterize), or look at it with "
             "the stage projection, which makes each photograph again from the others and tells which disagree."
         )
+    refuse_joined(shown(surface))
     check_height_file(surface)
     if (options.photos is None) == (options.project is None):
         raise WorkflowError("Give the photographs with --photos FOLDER, or a finished project with --project NAME, one of the two.")
@@ -129,11 +131,12 @@ def change_workflow(
     against the photographs of a later project. Raises WorkflowError with one sentence."""
     surface = Path(before)
     if not surface.is_file():
-        surface = root / "runs" / before / "products" / "dsm.tif"
-        if not surface.is_file():
+        made = product_file(root / "runs" / before, "dsm")
+        if made is None:
             raise WorkflowError(
                 f"There is neither a surface {before} nor a finished project of that name; run it first, or name a file."
             )
+        surface = made
     return check_workflow(
         name or f"change-{after}", surface, CheckOptions(project=after, sigma=sigma, earlier=True), root, catalogue
     )

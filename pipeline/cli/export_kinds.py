@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
 from orthomill.pipeline.storage.depots.kept_at import bring_products
+from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, SHEETS, product_file, product_files
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
@@ -68,7 +69,7 @@ def export_as(asked: Asked, folder: Path, methods: Methods | None = None) -> Pat
         raise WorkflowError(f"--as {asked.kind} is not known; formats are {', '.join(BY_NAME)}.")
     _check_options(asked, form)
     product = _product(asked, form, folder)
-    ending = "_sheets" if asked.sheets else form.ending
+    ending = SHEETS if asked.sheets else form.ending
     path = folder / (asked.path or f"products/exported/{product.stem if product else form.stem}{ending}")
     if not path.resolve().is_relative_to(folder.resolve()):
         raise WorkflowError(f"{asked.path} is outside the run's folder {folder}; name a path inside it.")
@@ -89,17 +90,20 @@ def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
     usual = _PRODUCTS.get(form.group)
     if usual is None:
         return None
-    names, suffix = (asked.product,) if asked.product else usual, ".laz" if form.group == "points" else ".tif"
+    names = (asked.product,) if asked.product else usual
     bring_products(folder)
-    files = {path.stem: path for path in sorted((folder / "products").glob(f"*{suffix}"))}
-    # The points of a large surface are a folder of files.
-    if form.group == "points" and any((folder / "products/points").glob("*.laz")):
-        files["points"] = folder / "products/points"
+    files = _clouds(folder / "products") if form.group == "points" else product_files(folder)
     found = next((files[name] for name in names if name in files), None)
     if found is None:
         known = f"--of is one of {', '.join(sorted(files))}" if files else f"run it first: orthomill run {folder.name}"
         raise StoreError(f"{folder.name} has no product {' or '.join(names)}; {known}.")
     return found
+
+
+def _clouds(products: Path) -> dict[str, Path]:
+    files = {path.stem: path for path in sorted(products.glob("*.laz"))}
+    # The points of a large surface are a folder of files.
+    return files | ({"points": products / "points"} if any((products / "points").glob("*.laz")) else {})
 
 
 def _written_whole(path: Path, write: Callable[[Path], None]) -> None:
@@ -157,8 +161,8 @@ def _write_solid(form: ExportFormat, product: Path, path: Path, wanted: Wanted, 
     from orthomill.pipeline.export.solids.height_tiles import height_tiles
     from orthomill.pipeline.export.solids.relief_model import write_glb, write_tileset
 
-    picture = product.with_name("ortho.tif")
-    if not picture.is_file():
+    picture = product_file(product.parent.parent, "ortho")
+    if picture is None:
         raise StoreError(f"{product.parent.parent.name} has no orthoimage to lay on {product.name}.")
     assert methods is not None
     with height_tiles(product, picture, wanted) as tiles:
@@ -187,7 +191,7 @@ def _write_point_sheets(path: Path, source: "CloudSource", asked: Asked) -> None
     written = write_laz_sheets(path, source, sheets_of(asked.sheets or "", source.plan, asked.wanted.area or source.bounds))
     if not written:
         raise WorkflowError(f"--sheets {asked.sheets}: no sheet holds a point.")
-    write_sheet_index(path / "sheets.gpkg", written, ".laz", source.plan)
+    write_sheet_index(path / SHEET_INDEX, written, ".laz", source.plan)
 
 
 def _write_product(form: ExportFormat, product: Path, path: Path, wanted: Wanted) -> None:
@@ -223,7 +227,7 @@ def _write_sheets(asked: Asked, form: ExportFormat, product: Path, path: Path) -
             written.append(sheet)
     if not written:
         raise WorkflowError(f"--sheets {asked.sheets}: no sheet shows anything of {product.name}.")
-    write_sheet_index(path / "sheets.gpkg", written, form.ending, crs)
+    write_sheet_index(path / SHEET_INDEX, written, form.ending, crs)
 
 
 def _write_metadata(kind: str, path: Path, folder: Path, beside: Path) -> None:

@@ -163,8 +163,7 @@ def _put(records: Records, record: Record) -> None:
 def _perform(work: JobOrder) -> Left:
     store = Store(work.depot)
     if isinstance(work.job, Export):
-        export(work.job, store, store.depot)
-        return Left({}, keep(store.depot, [work.job.path]))
+        return Left({}, keep(store.depot, export(work.job, store, store.depot)))
     job = work.job
     inputs = {name: _input(store, work, reading) for name, reading in job.reads.items()}
     with opencv_on_one_thread():  # until all is written: a result may be computed while it is

@@ -14,6 +14,7 @@ from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.export.file_parts import joins_parts
 from orthomill.pipeline.records.records import Fingerprint, Key
+from orthomill.pipeline.storage.depots.product_files import refuse_joined
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError
 from orthomill.schemas.job import (
@@ -264,6 +265,7 @@ class Graph:
         # A file in the run's folder that an export writes depends on that export, and is not looked at before it exists.
         if region.path in self._file_writers:
             return [self._file_writers[region.path]], ""
+        refuse_joined(region.path)
         try:
             return [], fp.of_file(self.root / region.path)
         except OSError as error:

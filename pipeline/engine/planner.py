@@ -79,7 +79,8 @@ class Planner:
 
     def _added(self, item: Job | Export) -> Iterator[PlannedJob]:
         """What the graph did not hold yet; a large GeoTIFF is several jobs."""
-        for one in in_parts(item, self.graph.specs) if isinstance(item, Export) else (item,):
+        whole = self.project.sheets_above * 1e9
+        for one in in_parts(item, self.graph.specs, whole) if isinstance(item, Export) else (item,):
             if planned := self.graph.add(one):
                 yield planned
 

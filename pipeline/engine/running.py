@@ -160,6 +160,8 @@ def run_workflow(
             sweep_products(session.folder)
         # Here too: a run may have been killed when it had joined them.
         session.drop_parts()
+        if replaced := session.drop_replaced():
+            announce(replaced)
         if session.defects:
             announce(_mended(session))
         facts = replace(_so_far(facts, session), finished=now(), seconds=time.monotonic() - clock)

@@ -17,6 +17,7 @@ from orthomill.pipeline.engine.fingerprint import of_file
 from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.planner import Planner
+from orthomill.pipeline.engine.replaced_products import drop_replaced
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.export.file_parts import joins_parts, parts_of
@@ -158,7 +159,8 @@ class Session:
 
     def _defect(self, planned: PlannedJob, record: Record, thoroughly: bool = False) -> Defect | None:
         """What is wrong with the results of a job; None when they are all there."""
-        if not self._outputs_exist(planned):
+        # What an export left is in its record: a sheet without content is no file.
+        if not isinstance(planned.job, Export) and not self._outputs_exist(planned):
             return "missing"
         found = first_defect(self.depot, record.files, thoroughly)
         return found[1] if found else None
@@ -310,6 +312,11 @@ class Session:
         job = self.graph.jobs[key].job
         if isinstance(job, Export) and joins_parts(job):
             self.depot.clear(parts_of(job.path))
+
+    def drop_replaced(self) -> str:
+        """Remove products in the form that they had before; one sentence that names them."""
+        made = (planned.job for key, planned in self.graph.jobs.items() if self.is_valid(key))
+        return drop_replaced((job for job in made if isinstance(job, Export)), self.depot, self.records)
 
     def take_up(self) -> None:
         """After its runner was lost: whatever has not been done is pending again, for another runner and another watcher."""

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, TypeVar
 
 import numpy as np
@@ -24,9 +24,19 @@ from lazrs import LazrsError
 from pydantic import BaseModel
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
-from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_PART, LAZ_OF_PARTS, LAZ_PART
+from orthomill.pipeline.export.conversions.sheet_index import Sheet, write_sheet_index
+from orthomill.pipeline.export.file_parts import (
+    COG_OF_PARTS,
+    COG_OF_SHEETS,
+    COG_PART,
+    COG_SHEET,
+    LAZ_OF_PARTS,
+    LAZ_PART,
+    sheet_tiles,
+)
 from orthomill.pipeline.export.geotiff.band_stack import Stack, describe, stack_of
-from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined
+from orthomill.pipeline.export.geotiff.cloud_geotiff import write_image, write_joined, write_part
+from orthomill.pipeline.export.geotiff.virtual_raster import write_virtual
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
@@ -34,6 +44,7 @@ from orthomill.pipeline.export.vectors.map_features import Layer, line_features
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.folder import PARTS, PRODUCTS
 from orthomill.pipeline.storage.depots.kept_at import depot_of
+from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, WHOLE
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import ResourceError, StoreError
@@ -41,7 +52,7 @@ from orthomill.schemas.job import Columns, Export, FileBytes, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.memory import MIB
-from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.raster import RasterSpec, Window
 
 GDAL_CACHE = 64 * MIB
 """GDAL's block cache, bytes: enough for a row of blocks of 100 thousand columns, and a bound on memory."""
@@ -54,8 +65,9 @@ _SCRATCH = ".part"
 T = TypeVar("T")
 
 
-def export(export: Export, store: ReadableStore, place: Path | Depot) -> None:
-    """Write the file of `export` in the run's folder or depot, complete or not at all.
+def export(export: Export, store: ReadableStore, place: Path | Depot) -> tuple[str, ...]:
+    """Write the file of `export` in the run's folder or depot, complete or not at all; its name there, none of a sheet without
+    content.
 
     Raises StoreError when its rasters or tables are missing or do not fit together, ResourceError when the disk refuses.
     """
@@ -65,8 +77,12 @@ def export(export: Export, store: ReadableStore, place: Path | Depot) -> None:
     try:
         with depot.product(export.path) as path:
             WRITERS[export.format](export, store, path)
+            left = path.exists()
         if export.format == "map":
             _remove_stale_tiles(export, store, depot)
+        if not left:
+            depot.delete(export.path)  # that of an earlier run
+        return (export.path,) if left else ()
     except (OSError, RasterioError, LazrsError) as error:
         raise ResourceError(
             f"{depot.address}/{export.path} cannot be written ({_first_line(error)}); make room on the disk or make the folder "
@@ -114,9 +130,41 @@ def _gdal() -> Iterator[None]:
 def _write_cog(export: Export, store: ReadableStore, path: Path) -> None:
     stack = stack_of(export, store)
     with _gdal(), _renamed_when_whole(path) as temporary:
-        write_image(stack, store, export.window or stack.first.full, temporary, temporary.parent)
-    if export.window is None:
-        _write_world_file(stack, path)
+        write_image(stack, store, stack.first.full, temporary, temporary.parent)
+    _write_world_file(stack, path)
+
+
+def _write_cog_part(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        write_part(stack, store, _window_of(export), temporary, temporary.parent)
+
+
+def _write_cog_sheet(export: Export, store: ReadableStore, path: Path) -> None:
+    stack = stack_of(export, store)
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        holds = write_image(stack, store, _window_of(export), temporary, temporary.parent)
+    if not holds:
+        path.unlink()
+
+
+def _window_of(export: Export) -> Window:
+    assert export.window is not None, "the planner names the window of every part"
+    return export.window
+
+
+def _write_cog_of_sheets(export: Export, store: ReadableStore, path: Path) -> None:
+    stack, folder = stack_of(export, store), PurePosixPath(export.files[0]).parent
+    there = set(store.file_names(folder.as_posix()))
+    planned = zip(map(PurePosixPath, export.files), sheet_tiles(stack.first), strict=True)
+    windows = {file.name: tile.window for file, tile in planned if file.name in there}
+    with _gdal(), _renamed_when_whole(path) as temporary:
+        write_virtual(stack, {f"{folder.name}/{name}": window for name, window in windows.items()}, temporary)
+    index = path.parent / folder.name / SHEET_INDEX
+    index.parent.mkdir(exist_ok=True)
+    sheets = [Sheet(name.removesuffix(WHOLE), stack.bounds(window)) for name, window in windows.items()]
+    with _renamed_when_whole(index) as temporary:
+        write_sheet_index(temporary, sheets, WHOLE, stack.first.crs)
 
 
 def _write_cog_of_parts(export: Export, store: ReadableStore, path: Path) -> None:
@@ -318,8 +366,11 @@ def _cells(values: np.ndarray) -> list[Any]:
 
 
 WRITERS: dict[str, Callable[[Export, ReadableStore, Path], None]] = {
-    **dict.fromkeys(("cog", COG_PART), _write_cog),
+    "cog": _write_cog,
+    COG_PART: _write_cog_part,
     COG_OF_PARTS: _write_cog_of_parts,
+    COG_SHEET: _write_cog_sheet,
+    COG_OF_SHEETS: _write_cog_of_sheets,
     "tiff": _write_tiff,
     "png": _write_png,
     **dict.fromkeys(("laz", LAZ_PART), _write_laz),

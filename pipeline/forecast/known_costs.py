@@ -90,10 +90,10 @@ def effort_of(planned: PlannedJob) -> float:
 
 def family_of(planned: PlannedJob) -> Family:
     """What a job does. Exports by what they write: a file of heights with all that belongs to them takes longer than a picture.
-    Parts of a large file compare with whole ones."""
+    Parts and sheets of a large file compare with whole ones."""
     job = planned.job
     if isinstance(job, Export):
-        return job.stage, EXPORT + " ".join((job.format.removesuffix(" part"), *job.rasters))
+        return job.stage, EXPORT + " ".join((job.format.removesuffix(" part").removesuffix(" sheet"), *job.rasters))
     return job.stage, job.function.__name__
 
 

@@ -17,7 +17,7 @@ def accepted_part(folder: Path) -> AcceptanceResult | None:
     if not path.is_file():
         return None
     held = path.stat().st_mtime_ns
-    products = [file for kind in ("*.tif", "*.json") for file in (folder / "products").glob(kind)]
+    products = [file for kind in ("*.tif", "*.vrt", "*.json") for file in (folder / "products").glob(kind)]
     if any(file.stat().st_mtime_ns > held for file in products):
         return None
     return read_acceptance(folder)

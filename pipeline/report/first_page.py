@@ -13,6 +13,7 @@ from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report import numbers
 from orthomill.pipeline.signing.product_classes import product_classes
 from orthomill.pipeline.storage.depots.kept_at import depot_of
+from orthomill.pipeline.storage.depots.product_files import product_size
 from orthomill.schemas.stage_report import OF_A_CAMERA, WHERE_CHECKED, Product, StageReport, Topic
 
 Reports = Mapping[str, StageReport]
@@ -64,7 +65,16 @@ class ProductFile:
         return FORMATS.get(Path(self.product.path).suffix, Path(self.product.path).suffix.lstrip(".").upper() or "folder")
 
 
-FORMATS = {".tif": "GeoTIFF", ".laz": "LAZ", ".json": "JSON", ".csv": "CSV", ".xml": "XML", ".yaml": "YAML", ".txt": "text"}
+FORMATS = {
+    ".tif": "GeoTIFF",
+    ".vrt": "GeoTIFF in sheets",
+    ".laz": "LAZ",
+    ".json": "JSON",
+    ".csv": "CSV",
+    ".xml": "XML",
+    ".yaml": "YAML",
+    ".txt": "text",
+}
 
 
 @dataclass(frozen=True)
@@ -238,5 +248,5 @@ def _products(reports: Reports, stages: tuple[StageTitle, ...], folder: Path) ->
     for kind, _ in reversed(stages):
         if kind in reports:
             for product in reports[kind].products:
-                if (size := depot.size(product.path)) is not None:
+                if (size := product_size(depot, product.path)) is not None:
                     yield ProductFile(product, size)

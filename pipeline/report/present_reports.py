@@ -11,6 +11,8 @@ from typing import Any
 
 from orthomill.pipeline.engine.run_facts import RunFacts, StageTitle
 from orthomill.pipeline.report.numbers import number_text
+from orthomill.pipeline.storage.depots.folder import PRODUCTS
+from orthomill.pipeline.storage.depots.product_files import as_they_lie
 from orthomill.pipeline.storage.reading import ReadableStore
 from orthomill.schemas.stage_report import StageReport, report_table
 
@@ -25,7 +27,9 @@ UNITS = "units"
 def present_reports(store: ReadableStore, stages: tuple[StageTitle, ...], run: RunFacts) -> dict[str, StageReport]:
     """Reports by stage; one that an earlier run left for a stage which has failed since is not shown as current."""
     tables = {kind: report_table(kind) for kind, _ in stages if run.stage(kind).reported and run.stage(kind).jobs}
-    return in_own_lengths({kind: store.table(table) for kind, table in tables.items() if store.has_table(table)})
+    made = store.file_names(PRODUCTS)
+    reports = {kind: store.table(table) for kind, table in tables.items() if store.has_table(table)}
+    return in_own_lengths({kind: as_they_lie(report, made) for kind, report in reports.items()})
 
 
 def in_own_lengths(reports: Mapping[str, StageReport]) -> dict[str, StageReport]:

@@ -14,6 +14,7 @@ from rasterio.vrt import WarpedVRT
 from rasterio.warp import transform_bounds
 from rasterio.windows import Window as FileWindow
 
+from orthomill.pipeline.storage.depots.product_files import joins_own_sheets
 from orthomill.pipeline.storage.height_systems import horizontal
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import MapFile
@@ -82,10 +83,10 @@ def _horizontal(crs: str) -> CRS:
 def opened_map(path: Path, system: str | None = None) -> rasterio.DatasetReader:
     """A georeferenced raster file, open; `system`: the reference system of a file that names none. Raises WorkflowError."""
     try:
-        # One driver only: a VRT named .tif could read any file of this machine.
+        # One driver only: a VRT could read any file of this machine, but for those of runs, of which it is known what they join.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)  # a sentence follows below
-            source = rasterio.open(path, driver="GTiff")
+            source = rasterio.open(path, driver="VRT" if joins_own_sheets(path) else "GTiff")
     except RasterioError as error:
         raise WorkflowError(f"{path} is not a GeoTIFF that can be read ({error}); export the surface as a GeoTIFF.") from None
     try:

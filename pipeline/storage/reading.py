@@ -30,6 +30,9 @@ class ReadableStore(Protocol):
     def file(self, name: str) -> bytes:
         """A file that an export wrote, by its path in the run's folder. Raises StoreError when it is absent."""
 
+    def file_names(self, folder: str) -> tuple[str, ...]:
+        """Names of the files that lie directly in a folder of the run."""
+
     def local(self, name: str) -> AbstractContextManager[Path]:
         """A path under which other libraries read such a file. Raises StoreError when it is absent."""
 

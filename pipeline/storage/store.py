@@ -241,6 +241,10 @@ class Store:
         except FileNotFoundError:
             raise StoreError(f"{self.depot.address}/{name} is absent; run again, it is made anew then.") from None
 
+    def file_names(self, folder: str) -> tuple[str, ...]:
+        """Names of the files that lie directly in a folder of the run."""
+        return tuple(sorted(name for name, _ in self.depot.entries(folder)))
+
     @contextmanager
     def local(self, name: str) -> Iterator[Path]:
         """A path under which other libraries read such a file. Raises StoreError when it is absent."""

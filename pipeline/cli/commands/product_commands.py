@@ -69,7 +69,9 @@ def export(
     from orthomill.pipeline.cli.projects import load_project
     from orthomill.pipeline.engine.running import session_of
     from orthomill.pipeline.export.exports import export as export_file
+    from orthomill.pipeline.export.file_parts import joins_parts, parts_of
     from orthomill.pipeline.records.lock import only_run
+    from orthomill.pipeline.storage.depots.folder import PARTS
     from orthomill.schemas.errors import WorkflowError
 
     with plain_errors(debug):
@@ -79,8 +81,11 @@ def export(
         chosen = chosen_exports(session, raster, path)
         with only_run(session.folder):
             for job in chosen:
-                export_file(job, session.store, session.folder)
-                out.print(str(session.folder / job.path), soft_wrap=True)
+                for name in export_file(job, session.store, session.folder):
+                    if not name.startswith(f"{PARTS}/"):
+                        out.print(str(session.folder / name), soft_wrap=True)
+                if joins_parts(job):
+                    session.depot.clear(parts_of(job.path))
 
 
 def _export_as(name: str, asked: tuple, debug: bool) -> None:

@@ -16,7 +16,9 @@ from orthomill.pipeline.engine.running import titles_of
 from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import covered_share, gaps_of, orthoimage_facts
+from orthomill.pipeline.storage.depots.folder import PRODUCTS
 from orthomill.pipeline.storage.depots.kept_at import bring_products
+from orthomill.pipeline.storage.depots.product_files import as_they_lie, product_file
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
 from orthomill.pipeline.storage.height_systems import FEET
 from orthomill.pipeline.storage.map_files import opened_map, read_map, read_map_grid
@@ -121,7 +123,7 @@ def facts_of_run(folder: Path, crs: str, area: Path | None = None) -> DeliveryFa
     """What a finished run delivers; area: the polygons that were ordered."""
     bring_products(folder)
     store = Store(folder)
-    dsm, ortho = (path if path.exists() else None for path in (folder / "products" / f"{name}.tif" for name in ("dsm", "ortho")))
+    dsm, ortho = (product_file(folder, name) for name in ("dsm", "ortho"))
     delivered = Delivered(dsm, ortho, None)
     first, last = _days(store)
     run = read_facts(folder)
@@ -152,7 +154,8 @@ def _known(store: Store, stages: list[str]) -> Iterator[str]:
 
 
 def _reports(store: Store, stages: list[str]) -> Iterator[StageReport]:
-    yield from (store.table(table) for stage in stages if store.has_table(table := report_table(stage)))
+    made = store.file_names(PRODUCTS)
+    yield from (as_they_lie(store.table(table), made) for stage in stages if store.has_table(table := report_table(stage)))
 
 
 def _minute(time: str) -> str:

@@ -12,7 +12,6 @@ to 8 from the east).
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 from math import ceil, floor
 from pathlib import Path
@@ -20,11 +19,10 @@ from pathlib import Path
 import numpy as np
 from pyproj import CRS
 
+from orthomill.pipeline.export.conversions.sheet_index import Bounds, Sheet
 from orthomill.pipeline.storage.features.outline_files import Outline, moved, read_outlines
 from orthomill.schemas.errors import WorkflowError
 
-Bounds = tuple[float, float, float, float]
-"""west, south, east, north"""
 MOST_SHEETS = 10_000
 """of an export: more is a grid given by mistake"""
 LINZ_SYSTEM, DOQQ_SYSTEM = "EPSG:2193", "EPSG:4269"
@@ -34,14 +32,6 @@ _LINZ_SCALES = (50_000, 10_000, 5_000, 2_000, 1_000, 500)
 _LINZ_ROWS = [a + b for a in "ABC" for b in "ABCDEFGHIJKLMNOPQRSTUVWXYZ" if a + b >= "AS" and a + b not in ("BI", "BO", "CI")]
 _DOQQ = 0.0625
 """degrees: 3.75 minutes"""
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A sheet by its name, in the system of the file."""
-
-    name: str
-    area: Bounds
 
 
 def sheets_of(grid: str, crs: str, bounds: Bounds) -> tuple[Sheet, ...]:

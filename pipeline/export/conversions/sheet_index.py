@@ -1,13 +1,24 @@
-"""The index of the sheets of an export: their outlines with name and file, for the client's GIS."""
+"""Sheets, of a product or of an export, and their index: outlines with name and file, for the client's GIS."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from orthomill.pipeline.export.conversions.map_sheets import Sheet
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_features import Feature, Layer
+
+Bounds = tuple[float, float, float, float]
+"""west, south, east, north"""
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A sheet by its name, in the system of the file."""
+
+    name: str
+    area: Bounds
 
 
 def write_sheet_index(path: Path, sheets: Sequence[Sheet], ending: str, crs: str | None) -> None:

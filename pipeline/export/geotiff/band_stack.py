@@ -49,6 +49,17 @@ class Stack:
         """Whether some band holds integer codes, whose mean has no meaning."""
         return not self.is_picture and any(np.dtype(spec.dtype).kind in "ui" for spec in self.specs.values())
 
+    def bounds(self, window: Window) -> tuple[float, float, float, float]:
+        """West, south, east and north of a window."""
+        cell, _, west, _, down, north = self.first.transform or (1.0, 0.0, 0.0, 0.0, -1.0, 0.0)
+        left, top = west + cell * window.col, north + down * window.row
+        return left, top + down * window.height, left + cell * window.width, top
+
+    def is_blank(self, values: np.ndarray) -> bool:
+        """Whether values are nothing but what is shown where there is no file: nodata, or 0 where there is no such value."""
+        nothing = 0 if self.nodata is None else self.nodata
+        return bool(np.isnan(values).all() if nothing != nothing else (values == nothing).all())
+
     def windows(self) -> Iterator[Window]:
         """The windows that cover the grid."""
         return (tile.window for tile in tiles_of(self.first.shape, self.chunk))

@@ -1,4 +1,4 @@
-"""GeoTIFFs for the cloud, of a whole raster, of a part, and of parts.
+"""GeoTIFFs for the cloud, of a whole raster, of a sheet or part of it, and of parts.
 
 The tiles of every level are compressed by GDAL into a file of that level, and copied into the file as they are, in much less time
 than GDAL's own driver for such files takes. A part is a file like any other, with as many levels as the whole has up to one tile a
@@ -30,24 +30,36 @@ _OF_ALL_LEVELS = {262, 338, 42113}
 """tags that overviews have as well: colours, transparency, GDAL's of the value of no data"""
 
 
-def write_image(stack: Stack, store: ReadableStore, window: Window, path: Path, scratch: Path) -> None:
-    """The file of a window of the raster, which is all of it or a part. Raises OSError, RasterioError."""
-    whole = level_shapes(stack.first.full.shape)
-    is_part = window != stack.first.full
-    shapes = [_shape_at(window.shape, level) for level in range(min(len(whole), LEVELS + 1) if is_part else len(whole))]
-    gathered = [none_yet(stack.bands)]
+def write_image(stack: Stack, store: ReadableStore, window: Window, path: Path, scratch: Path) -> bool:
+    """The file of a window of the raster, all of it or a sheet, with its overviews; whether it holds more than what is shown where
+    there is no file. Raises OSError, RasterioError."""
+    return _write_window(stack, store, window, level_shapes(window.shape), path, scratch)
 
-    def finest(values: np.ndarray) -> np.ndarray:
+
+def write_part(stack: Stack, store: ReadableStore, window: Window, path: Path, scratch: Path) -> None:
+    """The file of a window that is joined with others: with the levels that do not need these. Raises OSError, RasterioError."""
+    number = min(len(level_shapes(stack.first.full.shape)), LEVELS + 1)
+    _write_window(stack, store, window, [_shape_at(window.shape, level) for level in range(number)], path, scratch)
+
+
+def _write_window(stack: Stack, store: ReadableStore, window: Window, shapes: list[Shape], path: Path, scratch: Path) -> bool:
+    gathered, holds = none_yet(stack.bands), False
+
+    def finest(row: int, col: int) -> np.ndarray:
+        nonlocal gathered, holds
+        values = read(row, col)
+        holds = holds or not stack.is_blank(values)
         if not stack.is_picture:
-            gathered[0] = gathered[0].joined(of_tile(values, valid_in(stack, values)))
+            gathered = gathered.joined(of_tile(values, valid_in(stack, values)))
         return values
 
     read = _read_once(stack, store, window)
-    files = _write_levels(stack, shapes, lambda row, col: finest(read(row, col)), scratch)
-    about = _about(stack, window, gathered[0], scratch)
+    files = _write_levels(stack, shapes, finest, scratch)
+    about = _about(stack, window, gathered, scratch)
     found = [directories(file)[0] for file in files]
     levels = [Level(one, (tiles_in(file, one),)) for file, one in zip(files, found, strict=True)]
     write_layout(path, _described(levels, about))
+    return holds
 
 
 def write_joined(stack: Stack, parts: list[Path], path: Path, scratch: Path) -> None:
@@ -134,6 +146,12 @@ def _opened(stack: Stack, shape: Shape, file: Path, side: int = TILE, **more: ob
 
 def _about(stack: Stack, window: Window, statistics: BandStatistics, scratch: Path) -> Directory:
     """The fields that tell what the pixels are, as GDAL writes them: reference system, place, bands, statistics."""
+    told = directories(described_file(stack, window, statistics, scratch))[0]
+    return {tag: one for tag, one in told.items() if tag not in _PIXELS}
+
+
+def described_file(stack: Stack, window: Window, statistics: BandStatistics | None, scratch: Path) -> Path:
+    """A small file of no pixels that tells what those of a window are."""
     file, profile = scratch / "about.tif", {"crs": plan_in_file(stack.first.crs)}
     if stack.first.transform is not None:
         a, b, c, d, e, f = stack.first.transform
@@ -141,11 +159,11 @@ def _about(stack: Stack, window: Window, statistics: BandStatistics, scratch: Pa
     with _opened(stack, (_SPARE, _SPARE), file, _SPARE, **profile) as target:
         describe(target, stack)
         target.update_tags(**stack.first.tags)
-        for band, tags in enumerate(() if stack.is_picture else statistics.tags(window.cells), start=1):
+        for band, tags in enumerate(statistics.tags(window.cells) if statistics and not stack.is_picture else (), start=1):
             target.update_tags(band, **tags)
     if heights := geotiff_wkt(stack.first.crs):
         rasterio.shutil.copy(with_system(file, heights), file := scratch / "system.tif", driver="GTiff")
-    return {tag: one for tag, one in directories(file)[0].items() if tag not in _PIXELS}
+    return file
 
 
 def _described(levels: list[Level], about: Directory) -> list[Level]:

@@ -10,7 +10,9 @@ import numpy as np
 import rasterio
 from pyproj import CRS
 
+from orthomill.pipeline.storage.depots.folder import PRODUCTS
 from orthomill.pipeline.storage.depots.kept_at import bring_products
+from orthomill.pipeline.storage.depots.product_files import JOINED, WHOLE, as_they_lie, sheet_folder
 from orthomill.pipeline.storage.features.outline_files import Outline, moved
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.accuracy.accuracy_statement import STATEMENT, AccuracyStatement
@@ -20,6 +22,7 @@ from orthomill.schemas.stage_report import StageReport, report_table
 
 MEDIA = {
     ".tif": "image/tiff; application=geotiff; profile=cloud-optimized",
+    ".vrt": "application/x-gdal-vrt",
     ".laz": "application/vnd.laszip",
     ".gpkg": "application/geopackage+sqlite3",
     ".geojson": "application/geo+json",
@@ -106,10 +109,11 @@ def delivered_run(folder: Path, record: RunRecord) -> DeliveredRun:
     bring_products(folder)
     store = Store(folder)
     kinds = [kind for kind, _, _ in record.stages]
-    reports = {kind: store.table(table) for kind in kinds if store.has_table(table := report_table(kind))}
+    made = store.file_names(PRODUCTS)
+    reports = {kind: as_they_lie(store.table(table), made) for kind in kinds if store.has_table(table := report_table(kind))}
     files = tuple(_files(folder / "products", reports))
-    maps = {one.name: one.map for one in files if one.map}
-    shown = maps.get("ortho.tif") or maps.get("dsm.tif") or next(iter(maps.values()), None)
+    maps = {one.name.rpartition(".")[0]: one.map for one in files if one.map}
+    shown = maps.get("ortho") or maps.get("dsm") or next(iter(maps.values()), None)
     if shown is None or not store.has_table(PHOTOS):
         raise StoreError(f"{folder.name} has no product on the map, so there is nothing for a catalogue.")
     return DeliveredRun(
@@ -136,8 +140,14 @@ def _files(folder: Path, reports: dict[str, StageReport]) -> Iterator[DeliveredF
         # Folders hold tiles and files of other programs; catalogues list what a client opens.
         if path.is_file() and not path.name.startswith("."):
             stage, purpose = made.get(f"products/{path.name}", ("", ""))
-            facts = _map_facts(path) if path.suffix == ".tif" else None
-            yield DeliveredFile(path.name, path.stat().st_size, _digest(path), purpose, stage, facts)
+            yield _file(path, path.name, purpose, stage)
+            for sheet in sorted((folder / sheet_folder(path.name)).glob(f"*{WHOLE}")) if path.suffix == JOINED else ():
+                yield _file(sheet, f"{sheet.parent.name}/{sheet.name}", f"Sheet of {path.name}", stage)
+
+
+def _file(path: Path, name: str, purpose: str, stage: str) -> DeliveredFile:
+    facts = _map_facts(path) if path.suffix in (WHOLE, JOINED) else None
+    return DeliveredFile(name, path.stat().st_size, _digest(path), purpose, stage, facts)
 
 
 def _digest(path: Path) -> str:

@@ -19,7 +19,7 @@ _SHA256 = "1220"
 _DECIMALS = 8
 """of degrees: a millimetre"""
 _NO_TIME = "of the run, for the photographs have no time"
-_DATA = ("ortho.tif", "dsm.tif", "terrain.tif", "points.laz")
+_DATA = ("ortho.tif", "ortho.vrt", "dsm.tif", "dsm.vrt", "terrain.tif", "terrain.vrt", "points.laz")
 
 
 def stac_item(run: DeliveredRun, products: str) -> str:

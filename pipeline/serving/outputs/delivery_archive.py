@@ -12,10 +12,11 @@ from orthomill.pipeline.serving.queue.object_places import send_results
 from orthomill.pipeline.serving.queue.task_folder import TaskFolder
 from orthomill.pipeline.serving.queue.task_state import TaskState
 from orthomill.pipeline.serving.queue.wishes import Wishes
+from orthomill.pipeline.storage.depots.product_files import product_file
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import OrthomillError
 
-_MAPS = (("ortho.tif", ORTHO, 4), ("dsm.tif", DSM, 1), ("terrain.tif", DTM, 1))
+_MAPS = (("ortho", ORTHO, 4), ("dsm", DSM, 1), ("terrain", DTM, 1))
 """products, their places, and how many of their bands clients show"""
 _EXACT = {
     "dsm.tif": "heights with their standard errors",
@@ -98,8 +99,7 @@ def _maps(folder: TaskFolder, wishes: Wishes, lines: list[str]) -> Iterator[Asse
 
     cutline = _cutline(folder, wishes)
     for name, place, bands in _MAPS:
-        product = folder.run / "products" / name
-        if not product.is_file():
+        if (product := product_file(folder.run, name)) is None:
             continue
         cell = wishes.ortho_cell if place == ORTHO else wishes.dem_cell
         target = folder.path / "made" / place
@@ -134,7 +134,7 @@ def _cutline(folder: TaskFolder, wishes: Wishes) -> Path | None:
 
 def _exports(folder: TaskFolder, wishes: Wishes) -> Iterator[_Made]:
     products = folder.run / "products"
-    if (products / "ortho.tif").is_file():
+    if product_file(folder.run, "ortho"):
         yield from (_WISHED[kind] for kind in wishes.formats)
     if (products / "cameras.json").is_file():
         yield _BLOCK

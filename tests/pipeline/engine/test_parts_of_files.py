@@ -1,40 +1,18 @@
 """Parts of large products go when the products are there, and whoever kills a run meanwhile loses nothing by it."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from killed_runner import Killed, KilledRunner
 from surface_stage import SurfaceStage
-from toy_stages import MEMORY, run_in, session_in
+from toy_stages import run_in, session_in
 
-from orthomill.pipeline.engine.execute import JobOrder
-from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.records.verification import verify
 
 PARTS = [("surface", "file-parts", 0, 0), ("surface", "file-parts", 1, 0)]
 WHOLE = ("surface", "file", 0, 0)
-
-
-class Killed(BaseException):
-    """The end of a process."""
-
-
-class KilledRunner(SequentialRunner):
-    """Is killed before the first job that `when` tells, or behind it."""
-
-    def __init__(self, when: Callable[[tuple], bool], behind: bool = False) -> None:
-        super().__init__(MEMORY)
-        self._when, self._behind = when, behind
-
-    def next(self) -> Finished:
-        work: JobOrder = self._waiting[0][0]
-        if self._when(work.job.key):
-            if self._behind:
-                super().next()
-            raise Killed
-        return super().next()
 
 
 @pytest.fixture

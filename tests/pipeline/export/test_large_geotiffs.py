@@ -31,7 +31,7 @@ def store():
 def joined(store, wanted, folder):
     """The file made of its parts, and how many there were."""
     store.files = folder
-    exports = list(in_parts(wanted, store.specs))
+    exports = list(in_parts(wanted, store.specs, 1e12))
     for one in exports:
         export(one, store, folder)
     return folder / wanted.path, len(exports) - 1
@@ -52,9 +52,9 @@ def both(store, tmp_path_factory):
 
 def test_small_files_and_other_formats_stay_one_job(store):
     small = {"d/z": RasterSpec(name="d/z", shape=(4096, 4096), dtype="float32", chunk=512)}
-    assert list(in_parts(HEIGHTS, small)) == list(in_parts(HEIGHTS, {})) == [HEIGHTS]
+    assert list(in_parts(HEIGHTS, small, 1e12)) == list(in_parts(HEIGHTS, {}, 1e12)) == [HEIGHTS]
     listed = Export("d", "cells", "products/dsm.xyz", "xyz", {"z": "d/z"})
-    assert list(in_parts(listed, store.specs)) == [listed]
+    assert list(in_parts(listed, store.specs, 1e12)) == [listed]
 
 
 def test_every_level_is_that_of_the_file_in_one_piece(both, store):
@@ -109,7 +109,7 @@ def test_a_picture_in_parts_has_its_colours_and_no_dark_rim(store, tmp_path):
 
 def test_the_bytes_do_not_depend_on_the_order_of_the_parts(both, store, tmp_path):
     store.files = tmp_path
-    *parts, last = in_parts(HEIGHTS, store.specs)
+    *parts, last = in_parts(HEIGHTS, store.specs, 1e12)
     for one in (*reversed(parts), last):
         export(one, store, tmp_path)
     assert (tmp_path / HEIGHTS.path).read_bytes() == both[0].read_bytes()

@@ -64,8 +64,9 @@ def test_files_are_told_apart_by_what_they_hold_and_compare_by_their_size():
     planned = [PlannedJob(export, (), PRINT, 0, 0, 9_000_000) for export in (heights, picture)]
     assert [family_of(one) for one in planned] == [("surface", "export cog height precision"), ("surface", "export cog rgba")]
     assert effort_of(planned[0]) == pytest.approx(9.0)
-    part = Export("surface", "dsm-parts", "parts/0-0.tif", "cog part", heights.rasters)
-    assert family_of(PlannedJob(part, (), PRINT, 0, 0, 0)) == family_of(planned[0]), "a part is made as a whole file is"
+    for form in ("part", "sheet"):
+        part = Export("surface", f"dsm-{form}s", "parts/0-0.tif", f"cog {form}", heights.rasters)
+        assert family_of(PlannedJob(part, (), PRINT, 0, 0, 0)) == family_of(planned[0]), "it is made as a whole file is"
 
 
 def test_the_largest_raster_of_a_stage_tells_its_size():

@@ -41,6 +41,10 @@ class MemoryStore:
         self.largest = max(self.largest, window.height * window.width)
         return array[window.slices]
 
+    def file_names(self, folder):
+        place = self.files / folder if self.files else None
+        return tuple(sorted(path.name for path in place.iterdir())) if place and place.is_dir() else ()
+
     @contextmanager
     def local(self, name):
         yield self.files / name
