@@ -9,10 +9,22 @@ import numpy as np
 import pytest
 
 from benchmarks.scale.job_counts import IN_SHEETS, OF_LEVELS, GoesBy, Spread, placed_side_by_side, spread_of
-from benchmarks.scale.recorded_layout import BY_PHOTOGRAPH, GROWING, JOINING, MORE_EACH, Layout, enlarged, with_parts
+from benchmarks.scale.recorded_layout import (
+    BY_PHOTOGRAPH,
+    GROWING,
+    JOINING,
+    LISTED,
+    MORE_EACH,
+    Layout,
+    RasterFile,
+    enlarged,
+    with_parts,
+)
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
+from orthomill.pipeline.export.file_parts import in_parts
 from orthomill.pipeline.forecast.known_costs import family_of
-from orthomill.schemas.job import Job
+from orthomill.schemas.job import Export, Job
+from orthomill.schemas.raster import RasterSpec
 from orthomill.tasks.accuracy.promises import disjoint_photographs
 from orthomill.tasks.colouring.balance.balancing import balanced_block
 from orthomill.tasks.densification.precision.tie_points import tie_counts
@@ -133,6 +145,24 @@ def test_a_large_file_is_a_part_for_each_block_and_a_job_that_joins_them():
     assert simulated(enlarged(layout, 40.0, 8, 512), IDEAL._replace(workers=8)).clock == 1.0 + 40.0 + 4.0
     parted = enlarged(with_parts(layout, np.array([False, True, False])), 40.0, 8, 512)
     assert simulated(parted, IDEAL._replace(workers=8)).clock == pytest.approx(1.0 + 10.0 + 40.0 * JOINING + 4.0)
+
+
+def test_a_very_large_file_is_sheets_that_nobody_joins_and_as_many_as_the_planner_counts():
+    """A tile, a file of it that goes in parts, and a job that reads the file; 100 times the ground."""
+    spec = RasterSpec(name="d/z", shape=(5000, 7000), dtype="float32", chunk=500)
+    export = Export("d", "file", "products/z.tif", "cog", {"z": spec.name})
+    parted = np.array([False, True, False])
+    layout = with_parts(layout_of(jobs_of([1.0, 10.0, 1.0], (), (0,), (1,)), [False, True, True]), parted)
+    layout = replace(
+        layout, growing=np.array([1.0, 1.0, 0.0, 1.0]), files=(RasterFile(1, 3, 5000, 7000, spec.bytes_of(spec.full)),)
+    )
+    large = spec.model_copy(update={"shape": (50_000, 70_000)})
+    *sheets, last = in_parts(export, {spec.name: large}, 13e9)
+    assert len(sheets) == 4 * 5
+    for above, files, clock in ((13e9, 20, 1.0 + 1000.0 / 20 + LISTED + 1.0), (15e9, 100, 1.0 + 10.0 + JOINING * 1000.0 + 1.0)):
+        found = enlarged(replace(layout, sheets_above=above), 1000.0, 200, 512)
+        assert len(found.seconds) == 100 + files + 2
+        assert simulated(found, IDEAL._replace(workers=100)).clock == pytest.approx(clock)
 
 
 def test_what_does_not_go_by_the_tile_is_counted_by_photographs_and_squares():

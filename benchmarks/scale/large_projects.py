@@ -7,7 +7,7 @@ to the size of a project and played on clusters by a simulation. What the engine
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from benchmarks.scale.recorded_layout import JOINING, MORE_EACH, Layout, enlarge
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, Outcome, simulated
 from orthomill.pipeline.engine.dask_runner import tasks_held
 from orthomill.pipeline.engine.workers.order_batches import seconds_of_task
+from orthomill.pipeline.export.file_parts import SHEET
 from orthomill.pipeline.storage.depots.bucket import Bucket
 
 DISPATCH, ENGINE = 0.0045, 0.007
@@ -74,7 +75,8 @@ def page(name: str, layout: Layout) -> str:
         "longer as the project is larger, but for jobs whose work has an end (samples, pictures) or goes by photograph, whatever "
         f"its pixels (the adjustment: {MORE_EACH:g} times as long for each as in a block of six). "
         "GeoTIFFs and point clouds of rasters are a "
-        f"part a block, and a job that joins them, which takes {100 * JOINING:.0f} % of the parts. The scheduler is busy for "
+        f"part a block, and a job that joins them, which takes {100 * JOINING:.0f} % of the parts; "
+        "the largest are sheets. The scheduler is busy for "
         f"{1000 * DISPATCH:.1f} ms with every task, which is a job or several short ones, a worker for "
         f"{1000 * ENGINE:.0f} ms beside its work, a request takes 30 ms, and a worker reads and writes 100 MB/s. "
         f"{Bucket.at_once} objects are read at a time, but for files and streams. An order of "
@@ -96,6 +98,15 @@ def page(name: str, layout: Layout) -> str:
         "| project | tile, px | workers | hours | efficiency, % | scheduler busy, % | longest job, min |",
         "| --- | --- | --- | --- | --- | --- | --- |",
         *(row for project, tile, numbers in CLUSTERS for row in _scaled(project, layout, tile, numbers)),
+        "",
+        "## Sheets",
+        "",
+        f"GeoTIFFs above {layout.sheets_above / 1e9:.0f} GB, not compressed, are sheets of {SHEET} px, which nobody joins. Hours "
+        "with them, and with every file joined by one worker; sheets of the orthoimage.",
+        "",
+        "| project | tile, px | workers | sheets | hours | hours, all joined |",
+        "| --- | --- | --- | --- | --- | --- |",
+        *(row for project, tile, numbers in SHEETED for row in _in_sheets(project, layout, tile, numbers)),
         "",
         "## Weak scaling",
         "",
@@ -127,6 +138,7 @@ CLUSTERS = (
     (COUNTY, 2048, (16, 100, 1000)),
     (CITY, 4096, (100, 1000)),
 )
+SHEETED = ((COUNTY, 2048, (100, 1000)), (CITY, 4096, (1000,)))
 """projects, the sides of their tiles, and numbers of workers"""
 
 
@@ -165,6 +177,14 @@ def _scaled(project: Project, layout: Layout, tile: int, numbers: tuple[int, ...
             f"| {project.name} | {tile} | {workers} | {outcome.clock / 3600:.2g} | {100 * outcome.efficiency(workers):.0f} | "
             f"{100 * outcome.busy:.0f} | {outcome.longest / 60:.1f} |"
         )
+
+
+def _in_sheets(project: Project, layout: Layout, tile: int, numbers: tuple[int, ...]) -> Iterator[str]:
+    joined = replace(layout, sheets_above=np.inf)
+    sheets = max(file.sheets(project.block / layout.megapixels) for file in layout.files)
+    for workers in numbers:
+        hours = (simulated(project.jobs(one, tile), _cluster(workers)).clock / 3600 for one in (layout, joined))
+        yield f"| {project.name} | {tile} | {workers} | {sheets} | {' | '.join(f'{one:.2f}' for one in hours)} |"
 
 
 def _weak(layout: Layout, workers: int) -> str:

@@ -1,7 +1,9 @@
 """The jobs of a finished run, and of a project that many blocks like it make up."""
 
 from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +13,14 @@ from benchmarks.scale.simulated_cluster import Jobs
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.running import session_of
+from orthomill.pipeline.export.file_parts import SHEET
 from orthomill.pipeline.forecast.known_costs import family_of
 from orthomill.pipeline.records.records import Record
 from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
 from orthomill.schemas.job import Export, Job, Stream
 from orthomill.schemas.photo import PHOTOS
+from orthomill.schemas.project import Project
+from orthomill.schemas.raster import RasterSpec
 from orthomill.tasks.catalogue import STAGES
 
 JOINING = 0.1
@@ -36,6 +41,26 @@ LEFT_OUT = ("simulation", "evaluation", "calibration")
 """stages of simulated projects alone, and chessboards, of which a larger project has no more"""
 
 
+LISTED = 0.05
+"""processor time of the job that joins sheets, s: it names them, and reads none (0.03 s for 400)"""
+
+
+@dataclass(frozen=True)
+class RasterFile:
+    """A GeoTIFF that goes in parts: the numbers of the job that makes a part and of the one that joins them, its `rows` and `cols`,
+    and its bytes, not compressed."""
+
+    part: int
+    joining: int
+    rows: int
+    cols: int
+    size: int
+
+    def sheets(self, grown: float) -> int:
+        """How many it has in a project of `grown` times the ground, as the planner counts them."""
+        return ceil(self.rows * sqrt(grown) / SHEET) * ceil(self.cols * sqrt(grown) / SHEET)
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """A block of so many megapixels in so many photographs."""
@@ -54,6 +79,9 @@ class Layout:
     """(N,) whether it does with the number of photographs, not with their pixels"""
     counts: tuple[tuple[int, int, int], ...] = ()
     """side of a tile, jobs of the real plan with it, and as many as are counted"""
+    files: tuple[RasterFile, ...] = ()
+    sheets_above: float = 1e9 * Project.model_fields["sheets_above"].default
+    """bytes of a file, not compressed, above which it is in sheets"""
 
     @property
     def once(self) -> np.ndarray:
@@ -100,7 +128,18 @@ def layout_of(project: str) -> Layout:
     spread = spread_of(kept, Counter(map(family_of, plans[LARGER * tile])), placed_side_by_side(plans[LARGER * tile]))
     counts = tuple((side, len(plan), round(spread.numbers(1.0, 1.0, side / tile).sum())) for side, plan in plans.items())
     layout = Layout(megapixels, photographs, tile, jobs, spread, stored / megapixels, growing, by_photograph, counts)
-    return with_parts(layout, np.array([_goes_in_parts(planned) for planned in kept]))
+    parted = np.array([_goes_in_parts(planned) for planned in kept])
+    return replace(with_parts(layout, parted), files=tuple(_raster_files(kept, parted, session.graph.specs)))
+
+
+def _raster_files(kept: Sequence[PlannedJob], parted: np.ndarray, specs: Mapping[str, RasterSpec]) -> Iterator[RasterFile]:
+    """The GeoTIFFs among the files that go in parts."""
+    for place, number in enumerate(np.flatnonzero(parted).tolist()):
+        job = kept[number].job
+        if isinstance(job, Export) and job.format == "cog":
+            held = [specs[name] for name in job.rasters.values()]
+            size = sum(spec.bytes_of(spec.full) for spec in held)
+            yield RasterFile(number, len(kept) + place, *held[0].full.shape, size)
 
 
 def _streams(job: Job | Export) -> bool:
@@ -156,11 +195,15 @@ def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -
     Jobs that are made once grow with the project, by its pixels or by its photographs, unless they are known not to; of all others
     there are more, and each does as much more.
     """
-    jobs, once = layout.jobs, layout.once
+    once = layout.once
     grown, each = megapixels / layout.megapixels, photographs / layout.photographs
     numbers = np.maximum(np.rint(layout.spread.numbers(grown, each, tile / layout.tile)), 1).astype(int)
+    in_sheets = [file for file in layout.files if file.size * grown > layout.sheets_above]
+    numbers[[file.part for file in in_sheets]] = [file.sheets(grown) for file in in_sheets]
+    jobs = _listing(layout.jobs, np.array([file.joining for file in in_sheets], int))
     each = max(each, 1.0)
     larger = np.where(layout.by_photograph, each * min(each, MORE_EACH), grown)
+    larger[[file.joining for file in in_sheets]] = 1.0
     factor = np.where(once, 1.0 + layout.growing * (larger - 1.0), grown / numbers)
     first, before = _repeated_dependencies(jobs, once, numbers)
     # What is read of each job before is read of each of its copies, but by those that look at samples.
@@ -176,6 +219,13 @@ def enlarged(layout: Layout, megapixels: float, photographs: float, tile: int) -
         before,
         np.repeat(jobs.streamed, numbers),
     )
+
+
+def _listing(jobs: Jobs, joining: np.ndarray) -> Jobs:
+    """The same where the jobs that are `joining` read no part: one list, and a file that names what is in it."""
+    seconds, reads, size = jobs.seconds.copy(), jobs.reads.copy(), jobs.bytes.copy()
+    seconds[joining], reads[joining], size[joining] = LISTED, 0, 0.0
+    return jobs._replace(seconds=seconds, reads=reads, bytes=size)
 
 
 def _repeated_dependencies(jobs: Jobs, once: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

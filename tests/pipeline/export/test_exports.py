@@ -272,7 +272,7 @@ def test_csv_reads_back_to_the_same_numbers(tmp_path):
     ("wanted", "says"),
     [
         (Export("d", "x", "../out.tif", "cog", {"z": "d/height"}), "is outside the run's folder"),
-        (Export("d", "x", "o.dwg", "dwg", {"z": "d/height"}), "known formats are areas, bytes, cog, cog of parts, cog of sheets, cog part"),
+        (Export("d", "x", "o.dwg", "dwg", {"z": "d/height"}), "known formats are areas, bytes, cog, cog of parts, cog of sheets"),
         (Export("d", "x", "o.tif", "cog", {}), "needs at least one"),
         (Export("d", "x", "o.tif", "cog", {"z": "d/none"}), "no raster d/none"),
         (Export("d", "x", "o.tif", "cog", {"z": "d/height", "o": "d/small"}), "different grids"),
