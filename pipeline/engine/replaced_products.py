@@ -10,7 +10,7 @@ from orthomill.pipeline.export.file_parts import COG_OF_PARTS, COG_OF_SHEETS
 from orthomill.pipeline.records.records import Records
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.folder import PRODUCTS
-from orthomill.pipeline.storage.depots.product_files import JOINED, SHEET_INDEX, WHOLE, joined_path, sheet_folder
+from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, other_form, sheet_folder
 from orthomill.schemas.errors import some_of
 from orthomill.schemas.job import Export
 
@@ -24,7 +24,7 @@ def drop_replaced(made: Iterable[Export], depot: Depot, records: Records) -> str
     files, folders = {name for name, _ in depot.entries(PRODUCTS)}, set(depot.folders(PRODUCTS))
     told = []
     for export in rasters:
-        before = _other_form(export.path)
+        before = other_form(export.path)
         gone = tuple(_replaced(export, files, folders, depot))
         for name in gone:
             depot.delete(name)
@@ -36,13 +36,9 @@ def drop_replaced(made: Iterable[Export], depot: Depot, records: Records) -> str
     return f"Written in another form than before, by sheets_above, and the old files removed: {some_of(told, 5)}." if told else ""
 
 
-def _other_form(path: str) -> str:
-    return f"{path.removesuffix(JOINED)}{WHOLE}" if path.endswith(JOINED) else joined_path(path)
-
-
 def _replaced(export: Export, files: set[str], folders: set[str], depot: Depot) -> Iterator[str]:
     """Files that are no part of the product as it is now."""
-    joined, sheets, before = export.format == COG_OF_SHEETS, sheet_folder(export.path), PurePosixPath(_other_form(export.path))
+    joined, sheets, before = export.format == COG_OF_SHEETS, sheet_folder(export.path), PurePosixPath(other_form(export.path))
     old = (before, before.with_suffix(".tfw")) if joined else (before,)
     yield from (path.as_posix() for path in old if path.name in files)
     if PurePosixPath(sheets).name in folders:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.folder import PRODUCTS, Folder
+from orthomill.pipeline.storage.depots.product_files import JOINED, WHOLE, other_form
 from orthomill.pipeline.storage.whole_files import replacing, write_whole
 from orthomill.schemas.errors import WorkflowError
 
@@ -69,6 +70,10 @@ def bring_products(folder: Path) -> None:
     depot = depot_of(folder)
     if isinstance(depot, Folder):
         return
-    for name in depot.names(PRODUCTS):
+    names = set(depot.names(PRODUCTS))
+    for name in sorted(names):
         with depot.local(name) as copy, replacing(folder / name) as target, copy.open("rb") as source:
             shutil.copyfileobj(source, target)
+        # A copy of what the product was before, in sheets or not, would be taken for it.
+        if name.endswith((WHOLE, JOINED)) and (before := other_form(name)) not in names:
+            (folder / before).unlink(missing_ok=True)

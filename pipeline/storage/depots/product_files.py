@@ -54,6 +54,11 @@ def joined_path(path: str) -> str:
     return f"{path.removesuffix(WHOLE)}{JOINED}"
 
 
+def other_form(path: str) -> str:
+    """The file that a raster product is in its other form: of one file what joins sheets, and the other way round."""
+    return f"{path.removesuffix(JOINED)}{WHOLE}" if path.endswith(JOINED) else joined_path(path)
+
+
 def sheet_folder(path: str) -> str:
     """The folder of its sheets, of either name of a product."""
     return f"{PurePosixPath(path).with_suffix('')}{SHEETS}"

@@ -111,6 +111,15 @@ def test_products_are_those_that_exist_with_their_size(tmp_path):
     ]
 
 
+def test_a_product_in_sheets_has_the_size_of_all_of_them(tmp_path):
+    (tmp_path / "products" / "ortho_sheets").mkdir(parents=True)
+    (tmp_path / "products" / "ortho.vrt").write_bytes(b"12345")
+    (tmp_path / "products" / "ortho_sheets" / "0-0.tif").write_bytes(b"123")
+    report = StageReport(products=(Product(path="products/ortho.vrt", purpose="p"),))
+    (found,) = page({"texture": report}, folder=tmp_path).products
+    assert (found.size, found.format) == (8, "GeoTIFF in sheets")
+
+
 @pytest.mark.parametrize(
     ("report", "begins"),
     [
