@@ -651,6 +651,14 @@ _ALL = (
         "-- PROJECT",
     ),
     Study(
+        "sheets_view",
+        "scale.sheets_view",
+        "an orthoimage in sheets: all of it, a part and its pixels, from a disk and from an object store",
+        "minutes",
+        ("pipeline/export/geotiff",),
+        words="[SHEETS]",
+    ),
+    Study(
         "starved_machine",
         "trust.starved_machine",
         "thousands of jobs on a machine that has no time for them",
