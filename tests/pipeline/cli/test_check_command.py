@@ -113,6 +113,14 @@ def test_a_mesh_is_refused_with_the_way_to_a_height_model(root):
         check_workflow("one", root / "wall.ply", CheckOptions(photos=PHOTOS), root, STAGES)
 
 
+def test_an_earlier_epoch_in_sheets_is_asked_for_as_one_file(root):
+    products = root / "runs/before/products"
+    products.mkdir(parents=True)
+    (products / "dsm.vrt").write_text("<VRTDataset/>")
+    with pytest.raises(WorkflowError, match=r"dsm\.vrt joins sheets.*--as geotiff"):
+        change_workflow("before", "after", None, 0.1, root, STAGES)
+
+
 def test_change_needs_an_earlier_epoch(root):
     with pytest.raises(WorkflowError, match="neither a surface"):
         change_workflow("before", "after", None, 0.0, root, STAGES)

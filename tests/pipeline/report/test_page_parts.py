@@ -200,6 +200,10 @@ def test_an_acceptance_is_shown_until_a_product_is_made_again(tmp_path):
     assert accepted_part(tmp_path) is None
     os.utime(tmp_path / "acceptance.json", (later + 5, later + 5))
     assert accepted_part(tmp_path) == result
+    product.rename(in_sheets := product.with_suffix(".vrt"))
+    os.utime(in_sheets, (later + 10, later + 10))
+    assert accepted_part(tmp_path) is None
+    in_sheets.unlink()
     (tmp_path / "acceptance.json").write_text("{")
     os.utime(tmp_path / "acceptance.json", (later + 5, later + 5))
     assert accepted_part(tmp_path) is None
