@@ -42,6 +42,20 @@ class BundleStep:
             state.variation if self.variation is None else self.variation + (0.0 if state.variation is None else state.variation),
         )
 
+    def times(self, share: float) -> "BundleStep":
+        """A part of the step."""
+        if share == 1.0:
+            return self
+        return BundleStep(
+            share * self.centre,
+            share * self.turn,
+            share * self.point,
+            share * self.interior,
+            share * self.shift,
+            share * self.lever,
+            None if self.variation is None else share * self.variation,
+        )
+
     def with_motion(self, state: State) -> State:
         """The state corrected by what changes the shape of the block, then moved as a whole."""
         whole = motion_in(state, self.centre, self.turn)

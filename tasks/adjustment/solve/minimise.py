@@ -55,6 +55,12 @@ FAR, NEAR = 1e-4, 0.0
 END_DAMPING = 1e-3
 """Damping up to which a small gain is the end."""
 
+# Where the residuals bend as much as the linear equations do (a tilt that positions and a principal point share), every step
+# passes the minimum, and the next one comes back nearly as far: dozens of steps for what two of them tell.
+PARALLEL, NEARLY_AS_FAR = 0.9, 0.3
+"""Cosine between two steps above which they lie on a line, and the part of the first from which on a second that goes back is
+shortened."""
+
 
 class NotConverged(GeometryError):
     """Observations that pull against each other so that no solution was reached; `photo`: the number of the photograph whose
@@ -78,7 +84,8 @@ class _Bundle:
 class _Iterate:
     """A solution on the way: its `state` and `cost`, the `damping` of the step that led to it (then: of the next one), how that
     falls, what the step gained, and whether it was the `last` because its residuals are those that the linear equations promised;
-    the last two states of which the second cost more, so that the step to it was `refused`."""
+    the last two states of which the second cost more, so that the step to it was `refused`; the `correction` (n,) of the step, and
+    the `share` of it that was taken."""
 
     state: State
     cost: float
@@ -87,6 +94,8 @@ class _Iterate:
     gain: float = np.inf
     last: bool = False
     refused: tuple[State, State] | None = None
+    correction: np.ndarray | None = None
+    share: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +104,18 @@ class _Step:
 
     correction: np.ndarray
     bundle: BundleStep
+
+    def share_after(self, before: _Iterate) -> float:
+        """The part of the step that ends where the next one would be nothing, by the one `before`: less than 1 where this one turns
+        back."""
+        last = before.correction
+        if last is None:
+            return 1.0
+        along = float(self.correction @ last) / max(float(last @ last), 1e-300)
+        parallel = abs(along) * float(np.linalg.norm(last)) > PARALLEL * float(np.linalg.norm(self.correction))
+        # A whole step after a part of one would pass the minimum again, and gain as much as it loses.
+        back = along < -NEARLY_AS_FAR or (before.share < 1.0 and along < NEARLY_AS_FAR)
+        return before.share / (1.0 - along) if parallel and back else 1.0
 
 
 def minimise(
@@ -164,7 +185,8 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     damping, growth, ease, refused = now.damping, 2.0, now.ease, now.refused
     while True:
         step = _step(bundle.network, now.state, linear, order, factors, damping)
-        tried = None if step is None else _tried(bundle, now, step.bundle, ease == GENTLE)
+        share = 1.0 if step is None else step.share_after(now)
+        tried = None if step is None else _tried(bundle, now, step.bundle.times(share), ease == GENTLE)
         # At the minimum the cost scatters by its rounding: that is no failure.
         if (tried is not None and tried[1] <= now.cost * (1.0 + 1e-12)) or damping > LARGEST_DAMPING:
             break
@@ -179,8 +201,9 @@ def _next(bundle: _Bundle, now: _Iterate, linear: Linear, order: Structure, fact
     state = fitted_whole(bundle.network, tried[0], bundle.huber)
     cost = tried[1] if state is tried[0] else _cost(bundle, state)
     alone = tried[1] - cost <= NEGLIGIBLE and damping <= LEAST_DAMPING
-    last = alone and step is not None and _as_promised(bundle, linear, step, state)
-    return _Iterate(state, cost, damping, ease, now.cost - cost, last, refused)
+    last = alone and step is not None and share == 1.0 and _as_promised(bundle, linear, step, state)
+    correction = None if step is None else step.correction
+    return _Iterate(state, cost, damping, ease, now.cost - cost, last, refused, correction, share)
 
 
 def _as_promised(bundle: _Bundle, linear: Linear, step: _Step, state: State) -> bool:

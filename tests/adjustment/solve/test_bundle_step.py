@@ -75,3 +75,13 @@ def test_control_of_metres_does_not_slow_the_minimisation():
     rough = replace(rough, point=network.point + np.random.default_rng(1).normal(0, 5.0, network.point.shape))
     _, steps = minimise(rough, moved(truth, np.random.default_rng(2), 0.05), rays, damping=NEAR)
     assert steps <= 5
+
+
+def test_a_part_of_a_step_is_that_part_of_every_correction():
+    network, state, _ = small_network(3, interior_free=(0, 3))
+    whole = step_of(network, np.arange(network.unknowns, dtype=float), np.ones_like(state.point))
+    half, all_of_it = whole.times(0.5).linear(state), whole.linear(state)
+    for name in ("centre", "point", "interior", "shift"):
+        before = getattr(state, name)
+        assert getattr(half, name) - before == pytest.approx((getattr(all_of_it, name) - before) / 2, abs=1e-9)
+    assert whole.times(1.0) is whole

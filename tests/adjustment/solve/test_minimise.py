@@ -139,6 +139,16 @@ def test_the_photograph_that_keeps_steps_short_is_named():
     assert failed.value.photo == 2
 
 
+def test_steps_that_pass_the_minimum_to_and_fro_are_shortened():
+    """Positions that contradict the block by hundreds of standard errors bend the cost: whole steps take 16 iterations."""
+    network, truth, rays = small_network(points=40, noise=1.0, interior_free=(0, 1, 2, 3))
+    network = replace(network, centre=network.centre + np.random.default_rng(0).normal(0, 30.0, (2, 4, 3))[1])
+    state, iterations = minimise(network, truth, rays, damping=0.0)
+    sharp, _ = minimise(network, state, rays, damping=0.0)
+    cost, least = (float((residual_lengths(network, s, rays) ** 2).sum()) + prior_cost(network, s) for s in (state, sharp))
+    assert iterations <= 12 and 0 <= cost - least <= 0.01
+
+
 def test_a_step_that_keeps_its_promise_needs_no_other_to_confirm_it():
     """As after every round of the blunder tests, which rejects a few rays of many."""
     network, truth, rays = small_network(photos=6, points=60, noise=1.0)
