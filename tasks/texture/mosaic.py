@@ -30,6 +30,8 @@ from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.colouring.widening.occlusion_factor import occlusion_factor
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.texture.edges.edge_places import HALO as EDGE_HALO
+from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges, measured_edges
 from orthomill.tasks.texture.ground.draping import HALO, drape, far_from_heights, height_sources
 from orthomill.tasks.texture.ground.extent import TileExtent
 from orthomill.tasks.texture.ground.gentle_ground import calmed, guessed
@@ -64,8 +66,9 @@ class TextureRules:
 
     @property
     def rim(self) -> int:
-        """Cells around the tile whose visibility matters: the widening reaches in from there."""
-        return int(np.ceil(self.widening_margin + self.widening_ramp)) + 2
+        """Cells around the tile whose visibility matters: the widening reaches in from there, and edges take their direction."""
+        widening = int(np.ceil(self.widening_margin + self.widening_ramp)) + 2
+        return max(widening, EDGE_HALO) if self.sharpen else widening
 
     @property
     def halo(self) -> int:
@@ -102,7 +105,8 @@ class TileTexture(BaseModel):
 
 class OrthoTile(NamedTuple):
     """One tile of the orthoimage: `ortho` uint8 or uint16 (rows, cols, 4); `coverage`, `rejected` and `height_source`
-    uint8, `source` uint16 (rows, cols): the number of the heaviest photograph in the block, from 1, 0 without colour."""
+    uint8, `source` uint16 (rows, cols): the number of the heaviest photograph in the block, from 1, 0 without colour; `edges`
+    near walls."""
 
     ortho: np.ndarray
     coverage: np.ndarray
@@ -110,6 +114,7 @@ class OrthoTile(NamedTuple):
     height_source: np.ndarray
     source: np.ndarray
     statistics: TileTexture
+    edges: MeasuredEdges
 
 
 def _views(block: Block, extent: TileExtent) -> list[View]:
@@ -120,12 +125,13 @@ def _views(block: Block, extent: TileExtent) -> list[View]:
 class _Scene:
     """A tile's ground, and each photo's weight factor on it: 0 hidden, small behind an estimate or at an occlusion, 1 elsewhere;
     and where it sees the ground next to a break of its depth, if the rules ask. `chosen` (rows, cols) bool: pixels whose surface
-    the photographs chose."""
+    the photographs chose; `edges` where the upper surfaces end."""
 
     ground: Ground
     factors: tuple[np.ndarray, ...]
     breaks: tuple[np.ndarray, ...]
     chosen: np.ndarray
+    edges: MeasuredEdges
 
 
 def _targets(ground: Ground, dsm: MapGrid) -> Targets:
@@ -183,6 +189,7 @@ def _scene(
     rim = extent.window.grown(rules.rim * extent.divisor).clipped(extent.ortho.shape)
     ground = ground_of(painted, extent.heights, extent.dsm, extent.ortho, rim)
     sharp = sharpened(ground, painted, certain, photos) if rules.sharpen else None
+    edges = measured_edges(sharp.parted if sharp else None, extent.ortho, rim, extent.window, photos, extent.divisor)
     ground = sharp.ground if sharp else ground
     targets, core = _targets(ground, extent.dsm), extent.window
     inner = core.within(rim).slices
@@ -195,7 +202,7 @@ def _scene(
         factors.append(occlusion_factor(sight, rules.widening_margin * extent.divisor, rules.widening_ramp * extent.divisor)[inner])
         breaks.append(sight[inner] == PlaceSight.AT_BREAK if rules.colours.breaks else np.zeros((0, 0), bool))
     chosen = sharp.chosen if sharp else np.zeros(rim.shape, bool)
-    return _Scene(ground.part(core), tuple(factors), tuple(breaks), chosen[inner])
+    return _Scene(ground.part(core), tuple(factors), tuple(breaks), chosen[inner], edges)
 
 
 def _at_walls(sight: np.ndarray, sharp: SharpenedGround, number: int) -> np.ndarray:
@@ -319,7 +326,7 @@ def texture_tile(
         most=int(coverage.max()),
         photo_seen=dict(zip(names, seen.tolist(), strict=True)),
     )
-    return OrthoTile(ortho, coverage, rejected, sources, source, statistics)
+    return OrthoTile(ortho, coverage, rejected, sources, source, statistics, scene.edges)
 
 
 def sample_tile(

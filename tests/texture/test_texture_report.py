@@ -53,7 +53,7 @@ def radiometry(**changes) -> Radiometry:
 
 
 def report(*tiles: TileTexture, balance: Radiometry | None = None):
-    return texture_report(tiles or (tile(),), balance or radiometry(), FACTS)
+    return texture_report(tiles or (tile(),), balance or radiometry(), (), FACTS)
 
 
 def values(made) -> dict:

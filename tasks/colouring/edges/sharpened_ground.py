@@ -33,13 +33,14 @@ _STRIP = 32  # rows of pixels whose colours are held for all photographs
 
 @dataclass(frozen=True)
 class _Walls:
-    """Pixels of `window` (in the ortho grid): heights of both surfaces, m; which of them the model has there (`side`, codes of
-    Side); `examples` (they belong to it) and `doubtful`, bool."""
+    """Pixels of `window` (in the ortho grid): heights of both surfaces, m, and `slopes` (rows, cols, 2) of the upper one, m per
+    cell; which of them the model has there (`side`, codes of Side); `examples` (they belong to it) and `doubtful`, bool."""
 
     grid: MapGrid
     window: Window
     upper: np.ndarray
     lower: np.ndarray
+    slopes: np.ndarray
     side: np.ndarray
     examples: np.ndarray
     doubtful: np.ndarray
@@ -58,15 +59,28 @@ class _Walls:
 
 
 @dataclass(frozen=True)
+class PartedPixels:
+    """Pixels near walls (rows, cols): heights of the `upper` and the `lower` surface, m, NaN where there are no two; `slopes`
+    (rows, cols, 2) of the upper one to the right and downwards, m per cell; `raised` bool: whether the upper one is there."""
+
+    upper: np.ndarray
+    lower: np.ndarray
+    slopes: np.ndarray
+    raised: np.ndarray
+
+
+@dataclass(frozen=True)
 class SharpenedGround:
     """A ground on which pixels near walls lie on the surface that the photographs show there.
 
-    `doubtful` bool (rows, cols): these pixels; `alike` bool (photos, rows, cols): whose colour there is that of this surface.
+    `doubtful` bool (rows, cols): these pixels; `alike` bool (photos, rows, cols): whose colour there is that of this surface;
+    `parted`: both surfaces, None where there is no wall.
     """
 
     ground: Ground
     doubtful: np.ndarray
     alike: np.ndarray
+    parted: PartedPixels | None = None
 
     @cached_property
     def chosen(self) -> np.ndarray:
@@ -101,7 +115,9 @@ def sharpened(ground: Ground, heights: np.ndarray, certain: HeightModel, photos:
     raised = np.where(np.isnan(score), walls.side[place] == Side.UPPER, score < 0)
     z = np.where(doubtful, np.where(raised, walls.upper[place], walls.lower[place]), ground.z)
     lower, upper = found.alike[(slice(None), slice(None), *place)]
-    return SharpenedGround(replace(ground, z=z.astype(np.float32)), doubtful, np.where(raised, upper, lower))
+    there = np.where(doubtful, raised, walls.side[place] == Side.UPPER)
+    parted = PartedPixels(walls.upper[place], walls.lower[place], walls.slopes[place], there)
+    return SharpenedGround(replace(ground, z=z.astype(np.float32)), doubtful, np.where(raised, upper, lower), parted)
 
 
 def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Window, grid: MapGrid, divisor: int) -> _Walls:
@@ -113,7 +129,9 @@ def _walls(surfaces: WallSurfaces, heights: np.ndarray, near: Window, wide: Wind
     side, smooth, doubtful = (_repeated(cells, divisor)[part] for cells in (side, surfaces.smooth, surfaces.doubtful))
     examples = smooth & (side != Side.NEITHER)
     upper, lower = (np.ascontiguousarray(at_pixels(planes, divisor)[part]) for planes in (surfaces.upper, surfaces.lower))
-    return _Walls(grid=grid, window=wide, upper=upper, lower=lower, side=side, examples=examples, doubtful=doubtful)
+    slopes = _repeated(surfaces.upper[..., 1:], divisor)[part]
+    sides = {"side": side, "examples": examples, "doubtful": doubtful}
+    return _Walls(grid=grid, window=wide, upper=upper, lower=lower, slopes=slopes, **sides)
 
 
 def _repeated(cells: np.ndarray, divisor: int) -> np.ndarray:

@@ -41,6 +41,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.ground.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
 from orthomill.tasks.texture.ground.relief import RELIEF, ReliefMap
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, sample_tile, texture_tile
+from orthomill.tasks.texture.plan.edge_jobs import edge_jobs, edge_sheets, places_table, sums_table
 from orthomill.tasks.texture.plan.ground_jobs import GROUND, ground_jobs, relief_jobs
 from orthomill.tasks.texture.report.texture_report import COVERAGE, REJECTED, TextureFacts, texture_report
 
@@ -140,7 +141,9 @@ class OrthoimageJobs:
         yield from self._samples(relief, rules)
         yield balance_job("texture", self.settings, self.block.names, self._dtypes, map(samples_table, self.tiles))
         yield from self._orthoimage(relief, replace(rules, bits=self.bits))
-        yield self._report()
+        if rules.sharpen:
+            yield from edge_jobs(self.ortho, size, dsm.cell)
+        yield self._report(edge_sheets(self.ortho.shape, size) if rules.sharpen else ())
         yield from self._products()
 
     @cached_property
@@ -202,7 +205,11 @@ class OrthoimageJobs:
                 item="ortho",
                 function=texture_tile,
                 reads=reads,
-                writes={**{key: Raster(name, tile.window) for key, name in rasters.items()}, "statistics": statistics_table(tile)},
+                writes={
+                    **{key: Raster(name, tile.window) for key, name in rasters.items()},
+                    "statistics": statistics_table(tile),
+                    "edges": places_table(tile),
+                },
                 params={"extent": extent, "rules": rules},
                 row=tile.row,
                 col=tile.col,
@@ -212,7 +219,7 @@ class OrthoimageJobs:
     def _reads(self, extent: TileExtent) -> dict[str, Reading]:
         return {"heights": Raster(self.heights, extent.heights), "block": BLOCK, "photos": photo_pixels(extent.photos)}
 
-    def _report(self) -> Job:
+    def _report(self, sheets: tuple[Tile, ...]) -> Job:
         facts = TextureFacts(
             cell=self.ortho.cell, dsm_cell=self.surface.grid.cell, ground_pixel=median(self.pixels), heights=self.heights
         )
@@ -220,7 +227,11 @@ class OrthoimageJobs:
             stage="texture",
             item="report",
             function=texture_report,
-            reads={"statistics": tuple(map(statistics_table, self.tiles)), "radiometry": RADIOMETRY},
+            reads={
+                "statistics": tuple(map(statistics_table, self.tiles)),
+                "radiometry": RADIOMETRY,
+                "edges": tuple(map(sums_table, sheets)),
+            },
             writes={"report": report_table("texture")},
             params={"facts": facts},
         )
@@ -278,4 +289,4 @@ def _edge_scratch(extent: TileExtent, rules: TextureRules) -> int:
     wide = extent.window.grown(rules.around * extent.divisor)
     photos, cells = len(extent.photos), wide.cells // extent.divisor**2
     strip = array_bytes(40 * photos, 32, wide.width)
-    return array_bytes(80, cells) + array_bytes(90 + 3 * photos, wide) + strip
+    return array_bytes(80, cells) + array_bytes(100 + 3 * photos, wide) + strip

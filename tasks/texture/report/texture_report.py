@@ -20,6 +20,7 @@ from orthomill.tasks.colouring.report.colour_words import (
     rejected_figure,
     seen_figures,
 )
+from orthomill.tasks.texture.edges.grown_lines import EdgeSums
 from orthomill.tasks.texture.mosaic import TileTexture
 
 COVERAGE = "texture/coverage"
@@ -52,6 +53,14 @@ _PRODUCTS = (
     Product(path="products/ortho_source.tif", purpose="Which photograph weighs most at a place, and how many see it"),
     Product(path="products/ortho_seams.gpkg", purpose="Seams: the area of every photograph in the orthoimage, and its time"),
     Product(path="products/ortho_height_source.tif", purpose="Where the orthoimage rests on measured, estimated or draped heights"),
+)
+_EDGE_PRODUCTS = (
+    Product(
+        path="products/edges.gpkg",
+        purpose="Straight edges of roofs and walls as lines in space, measured in the photographs, with standard errors",
+        classed=_BOTH,
+    ),
+    Product(path="products/edges.dxf", purpose="The same for CAD", classed=_BOTH),
 )
 _FILLED = 0.99
 """Share of the photographed ground that a good orthoimage shows."""
@@ -141,6 +150,22 @@ def _seen_figures(totals: _Totals) -> tuple[Figure, ...]:
         *seen_figures(_SEEN, totals.colours, totals.pixels, _DIGITS, of="Pixels", none="no photo, or without height"),
         *(Figure(name=name, value=_share(count, totals.pixels), unit="%", sentence=words) for name, count, words in empty),
     )
+
+
+def _edge_figures(edges: tuple[EdgeSums, ...]) -> Iterator[Figure]:
+    if not edges:
+        return
+    lines, length = sum(sheet.lines for sheet in edges), sum(sheet.length for sheet in edges)
+    yield Figure(name="edges", value=lines, sentence="Straight edges of roofs and walls that were measured in the photographs.")
+    yield Figure(name="edge_length", value=round(length, 1), unit="m", sentence="Their length in plan.")
+    if length:
+        sigma = (sum(sheet.variance for sheet in edges) / length) ** 0.5
+        yield Figure(
+            name="edge_sigma",
+            value=round(sigma, 4),
+            unit="m",
+            sentence="Standard error across them, within the block (root mean square along all of them).",
+        )
 
 
 def _photo_grid(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> Grid:
@@ -278,8 +303,10 @@ def _height_source_picture() -> Picture:
     )
 
 
-def texture_report(statistics: tuple[TileTexture, ...], radiometry: Radiometry, facts: TextureFacts) -> StageReport:
-    """The report of the stage from the statistics of all tiles."""
+def texture_report(
+    statistics: tuple[TileTexture, ...], radiometry: Radiometry, edges: tuple[EdgeSums, ...], facts: TextureFacts
+) -> StageReport:
+    """The report of the stage from the statistics of all tiles and the sums of all sheets of straight edges."""
     most = max((tile.most for tile in statistics), default=0)
     totals = _totals(statistics)
     chart = Chart(
@@ -293,10 +320,10 @@ def texture_report(statistics: tuple[TileTexture, ...], radiometry: Radiometry, 
     return StageReport(
         verdict=_verdict(totals),
         answers=tuple(_answers(totals, facts)),
-        products=_PRODUCTS,
+        products=(*_PRODUCTS, *(_EDGE_PRODUCTS if edges else ())),
         doubts=tuple(_doubts(totals)),
         losses=tuple(_other_warnings(statistics, totals, radiometry)),
-        figures=_figures(totals, radiometry, facts),
+        figures=(*_figures(totals, radiometry, facts), *_edge_figures(edges)),
         grids=(_photo_grid(statistics, radiometry),),
         charts=(chart,),
         pictures=_pictures(most),

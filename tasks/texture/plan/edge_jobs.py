@@ -1,0 +1,61 @@
+"""The jobs of straight edges: the lines of each sheet through the places that the tiles measured, and their products."""
+
+from collections.abc import Iterator
+
+from orthomill.schemas.job import Export, Job, Table
+from orthomill.schemas.maps.straight_edges import straight_edges_table
+from orthomill.schemas.memory import array_bytes
+from orthomill.schemas.raster import MapGrid, Tile, tiles_of
+from orthomill.schemas.surface import ORTHO
+from orthomill.tasks.texture.edges.grown_lines import EdgeSums, edge_sheet
+from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges
+
+SHEET = 8192
+"""px along a sheet, about: lines are joined within a sheet, so that memory does not grow with the map"""
+_FORMATS = {"edges.gpkg": "gpkg", "edges.dxf": "dxf"}
+_PLACE = 600
+"""bytes of a place while lines are grown through it and its neighbours"""
+_APART = 40
+"""px of the orthoimage for a place, at least: as close as edges lie in a town"""
+
+
+def places_table(tile: Tile) -> Table[MeasuredEdges]:
+    """The places along edges of a tile."""
+    return Table(f"texture/edges/{tile.row}-{tile.col}.parquet", MeasuredEdges)
+
+
+def sums_table(sheet: Tile) -> Table[EdgeSums]:
+    """Sums over the lines of a sheet."""
+    return Table(f"texture/edges/sums_{sheet.row}-{sheet.col}.json", EdgeSums)
+
+
+def edge_sheets(shape: tuple[int, ...], size: int) -> tuple[Tile, ...]:
+    """The sheets of an orthoimage of `shape` pixels: whole tiles (of `size` pixels) together; most are one sheet."""
+    return tuple(tiles_of(shape, max(SHEET // size, 1) * size))
+
+
+def edge_jobs(ortho: MapGrid, size: int, cell: float) -> Iterator[Job | Export]:
+    """The straight edges of an orthoimage in tiles of `size` pixels over a surface model with cells of `cell` m."""
+    sheets = edge_sheets(ortho.shape, size)
+    for sheet in sheets:
+        yield _lines(ortho, sheet, size, cell)
+    lines = tuple(map(straight_edges_table, sheets))
+    for name, kind in _FORMATS.items():
+        yield Export("texture", f"edges_{kind}", f"products/{name}", kind, {"place": ORTHO}, lines)
+
+
+def _lines(ortho: MapGrid, sheet: Tile, size: int, cell: float) -> Job:
+    rows = range(sheet.window.row, sheet.window.row + sheet.window.height)
+    cols = range(sheet.window.col, sheet.window.col + sheet.window.width)
+    inside = [tile for tile in tiles_of(ortho.shape, size) if tile.window.row in rows and tile.window.col in cols]
+    return Job(
+        stage="texture",
+        item="edges",
+        function=edge_sheet,
+        reads={"parts": tuple(map(places_table, inside))},
+        writes={"lines": straight_edges_table(sheet), "sums": sums_table(sheet)},
+        params={"cell": cell},
+        row=sheet.row,
+        col=sheet.col,
+        scratch=array_bytes(_PLACE, sheet.window) // _APART,
+    )
