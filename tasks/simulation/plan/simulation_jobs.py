@@ -57,7 +57,7 @@ def simulation_jobs(asked: SimulationStage, view: ProjectView) -> Iterator[Raste
         portal = PortalSite(asked.seed, asked.scene, asked.noise_sigma, asked.control_sigma, asked.image_sigma)
         yield from plan_portal(portal, view.project.crs, view.project.tile)
         return
-    site, crs, tile = _site(asked), view.project.crs, view.project.tile
+    site, crs, tile = site_of(asked), view.project.crs, view.project.tile
     yield Job(
         stage="simulation",
         item="truth",
@@ -92,7 +92,8 @@ def survey_of(asked: SimulationStage) -> SurveySettings:
     return SurveySettings(asked.control, asked.check, asked.control_sigma, asked.gnss_sigma, asked.image_sigma)
 
 
-def _site(asked: SimulationStage) -> Site:
+def site_of(asked: SimulationStage) -> Site:
+    """The scene, the flight over it, and the grid of its rasters."""
     scene = scene_settings(flight_of(asked), asked.buildings, asked.scene.wood if asked.scene.kind == "town" else 0.0)
     return Site(scene, flight_of(asked), scene_grid(scene, asked.scene_cell))
 
