@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.instrument.result_page import write_page
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_file import load_workflow
-from orthomill.schemas.maps.straight_edges import StraightEdges, straight_edges_table
+from orthomill.schemas.maps.straight_edges import StraightEdges, edge_sheets, straight_edges_table
 from orthomill.schemas.raster import MapGrid
 from orthomill.schemas.surface import ORTHO, SURFACE
 from orthomill.tasks.catalogue import STAGES
@@ -20,7 +20,6 @@ from orthomill.tasks.simulation.plan.simulation_jobs import site_of
 from orthomill.tasks.simulation.scene.layout import Buildings
 from orthomill.tasks.simulation.scene.settlement import scene_of
 from orthomill.tasks.simulation.stage import SimulationStage
-from orthomill.tasks.texture.plan.edge_jobs import edge_sheets
 
 NEAR = 2.5
 """cells of the surface model from a side within which a line belongs to it"""

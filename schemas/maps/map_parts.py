@@ -102,3 +102,4 @@ def values_file(row: int, col: int) -> str:
 
 CLOUD_FILE = f"{FOLDER}/cloud.js"
 LINES_FILE = f"{FOLDER}/lines.js"
+EDGES_FILE = f"{FOLDER}/edges.js"

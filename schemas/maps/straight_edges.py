@@ -6,7 +6,11 @@ import numpy as np
 
 from orthomill.schemas.job import Table
 from orthomill.schemas.maps.map_lines import MapLines
-from orthomill.schemas.raster import Tile
+from orthomill.schemas.raster import Tile, tiles_of
+
+SHEET = 8192
+"""pixels of the orthoimage along a sheet, about: lines are joined within a sheet, so that memory does not grow with the map"""
+EDGES = "products/edges.gpkg"
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,11 @@ class StraightEdges(MapLines):
     """float64 m: root mean square of the distances of the places that were measured along it"""
     photos: np.ndarray
     """int64: photographs that show it, in the middle of its places"""
+
+
+def edge_sheets(shape: tuple[int, ...], size: int) -> tuple[Tile, ...]:
+    """The sheets of an orthoimage of `shape` pixels: whole tiles (of `size` pixels) together; most are one sheet."""
+    return tuple(tiles_of(shape, max(SHEET // size, 1) * size))
 
 
 def straight_edges_table(sheet: Tile) -> Table[StraightEdges]:

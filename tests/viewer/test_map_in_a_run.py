@@ -48,7 +48,7 @@ class MappedStage(Stage):
             writes = {"height": Raster(HEIGHT, tile.window)}
             yield Job(stage="source", item="tile", function=slope, reads={}, writes=writes, params=params, row=tile.row)
         yield Job(stage="viewer", item="page", function=one_page, reads={}, writes={"page": MAP_PAGE})
-        parts = list(map_parts(view, PICTURES, VALUES, None, ()))
+        parts = list(map_parts(view, PICTURES, VALUES, None, {}))
         yield from parts
         yield Export("viewer", "map", PAGE, "map", tables=(MAP_PAGE,), files=last_files(parts))
 

@@ -9,6 +9,7 @@ from orthomill.pipeline.engine.job_signature import misfit
 from orthomill.schemas.bare_ground import TERRAIN
 from orthomill.schemas.job import Export, Job
 from orthomill.schemas.maps.map_page import MAP_PAGE
+from orthomill.schemas.maps.map_parts import EDGES_FILE, LINES_FILE
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS, Photo, Photos
 from orthomill.schemas.stage_report import Picture, Product, StageReport
@@ -58,15 +59,17 @@ def test_layers_are_the_maps_that_stages_report_the_orthoimage_first():
     view = View(
         densification=report(HEIGHT, "densification/unknown"),
         terrain=report(TERRAIN, path="products/contours.gpkg"),
-        texture=report(ORTHO),
+        texture=report(ORTHO, path="products/edges.gpkg"),
     )
     jobs, exports = planned(view)
     assert all(misfit(job) is None for job in jobs)
     assert [picture.raster for picture in jobs[0].params["pictures"]] == [ORTHO, HEIGHT, TERRAIN, ORTHO_SOURCE]
     assert {name for export in exports for name in export.rasters.values()} >= {ORTHO, HEIGHT, TERRAIN}
     assert [export.path for export in exports if MAP_PAGE in export.tables][-1] == exports[-1].path == "products/index.html"
-    (lines,) = (export for export in exports if export.format == "map lines")
+    lines, edges = (export for export in exports if export.format == "map lines")
     assert [table.path for table in lines.tables] == [f"terrain/contours/sheet_{row}-0.parquet" for row in (0, 1)]
+    assert [table.path for table in edges.tables] == ["texture/edges/sheet_0-0.parquet"]
+    assert [export.path for export in (lines, edges)] == [LINES_FILE, EDGES_FILE]
 
 
 def test_every_photograph_has_a_colour_its_name_and_its_time():

@@ -1,4 +1,4 @@
-"""Contours as a script that hands them to the page, as far as a browser still draws them."""
+"""Contours or edges as a script that hands them to the page, as far as a browser still draws them."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ MOST_VERTICES = 1_500_000
 
 
 def write_lines(export: Export, store: ReadableStore, path: Path) -> None:
-    """Write the lines of the export's tables; an empty file where there are none or too many."""
+    """Write the lines of the export's tables under the name of the file; an empty one where there are none or too many."""
     drawn = _drawn(export, store)
     if not drawn:
         return write_whole(path, b"")
@@ -27,7 +27,7 @@ def write_lines(export: Export, store: ReadableStore, path: Path) -> None:
         centimetres = np.rint((feature.places[:, :2] - (west, south)) * 100).astype(np.int64)
         steps = np.diff(centimetres, axis=0, prepend=np.zeros((1, 2), np.int64)).ravel().tolist()
         rows.append([round(float(feature.places[0, 2]), 3), int(feature.dashed), feature.text, steps])
-    write_whole(path, f"omLines({west},{south},{json.dumps(rows, separators=(',', ':'))});\n".encode())
+    write_whole(path, f"omLines('{path.stem}',{west},{south},{json.dumps(rows, separators=(',', ':'))});\n".encode())
 
 
 def _drawn(export: Export, store: ReadableStore) -> list[MapLines]:

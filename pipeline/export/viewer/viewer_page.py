@@ -17,6 +17,7 @@ from orthomill.schemas.job import Export
 from orthomill.schemas.maps.map_page import MapPage
 from orthomill.schemas.maps.map_parts import (
     CLOUD_FILE,
+    EDGES_FILE,
     FOLDER,
     LINES_FILE,
     PAGE,
@@ -52,7 +53,7 @@ def write_page(export: Export, store: ReadableStore, path: Path) -> None:
         runs = [run[:3] for run in runs_of(_values(export, store))]
         data["values"] = {"folder": f"{_BESIDE}/{Path(VALUES).name}", "size": SIZE, "tiles": runs, "layers": layered}
         data["values"] |= _place(store.spec(page.values[0].rasters["height"]))
-    for key, file in (("lines", LINES_FILE), ("cloud", CLOUD_FILE)):
+    for key, file in (("lines", LINES_FILE), ("edges", EDGES_FILE), ("cloud", CLOUD_FILE)):
         drawn = file in export.files and store.file(file)
         data[key] = f"{_BESIDE}/{Path(file).name}" if drawn else None
     write_whole(path, page_text(data).encode())

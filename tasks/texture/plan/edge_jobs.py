@@ -3,15 +3,13 @@
 from collections.abc import Iterator
 
 from orthomill.schemas.job import Export, Job, Table
-from orthomill.schemas.maps.straight_edges import straight_edges_table
+from orthomill.schemas.maps.straight_edges import edge_sheets, straight_edges_table
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.raster import MapGrid, Tile, tiles_of
 from orthomill.schemas.surface import ORTHO
 from orthomill.tasks.texture.edges.grown_lines import EdgeSums, edge_sheet
 from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges
 
-SHEET = 8192
-"""px along a sheet, about: lines are joined within a sheet, so that memory does not grow with the map"""
 _FORMATS = {"edges.gpkg": "gpkg", "edges.dxf": "dxf"}
 _PLACE = 600
 """bytes of a place while lines are grown through it and its neighbours"""
@@ -27,11 +25,6 @@ def places_table(tile: Tile) -> Table[MeasuredEdges]:
 def sums_table(sheet: Tile) -> Table[EdgeSums]:
     """Sums over the lines of a sheet."""
     return Table(f"texture/edges/sums_{sheet.row}-{sheet.col}.json", EdgeSums)
-
-
-def edge_sheets(shape: tuple[int, ...], size: int) -> tuple[Tile, ...]:
-    """The sheets of an orthoimage of `shape` pixels: whole tiles (of `size` pixels) together; most are one sheet."""
-    return tuple(tiles_of(shape, max(SHEET // size, 1) * size))
 
 
 def edge_jobs(ortho: MapGrid, size: int, cell: float) -> Iterator[Job | Export]:

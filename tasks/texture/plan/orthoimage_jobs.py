@@ -8,6 +8,7 @@ from statistics import median
 from orthomill.schemas.bare_ground import CELL_CLASS, point_classes_table
 from orthomill.schemas.job import Export, Job, Raster, Reading, Table
 from orthomill.schemas.maps.coded_areas import CodedAreas
+from orthomill.schemas.maps.straight_edges import edge_sheets
 from orthomill.schemas.memory import array_bytes
 from orthomill.schemas.orientation import BLOCK, Block
 from orthomill.schemas.photo import PHOTOS, Photos, photo_raster
@@ -41,7 +42,7 @@ from orthomill.tasks.geometry.view import View, block_view
 from orthomill.tasks.texture.ground.extent import TileExtent, ground_pixels, ortho_grid, tile_extent
 from orthomill.tasks.texture.ground.relief import RELIEF, ReliefMap
 from orthomill.tasks.texture.mosaic import TextureRules, TileTexture, sample_tile, texture_tile
-from orthomill.tasks.texture.plan.edge_jobs import edge_jobs, edge_sheets, places_table, sums_table
+from orthomill.tasks.texture.plan.edge_jobs import edge_jobs, places_table, sums_table
 from orthomill.tasks.texture.plan.ground_jobs import GROUND, ground_jobs, relief_jobs
 from orthomill.tasks.texture.report.texture_report import COVERAGE, REJECTED, TextureFacts, texture_report
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
+from orthomill.schemas.maps.straight_edges import EDGES
 from orthomill.schemas.stage_report import Accuracy, Answer, Chart, Figure, Grid, Picture, Product, StageReport, Topic, Verdict
 from orthomill.schemas.surface import HEIGHT_SOURCE, HEIGHT_SOURCE_CODES, ORTHO, HeightSource
 from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry
@@ -56,7 +57,7 @@ _PRODUCTS = (
 )
 _EDGE_PRODUCTS = (
     Product(
-        path="products/edges.gpkg",
+        path=EDGES,
         purpose="Straight edges of roofs and walls as lines in space, measured in the photographs, with standard errors",
         classed=_BOTH,
     ),

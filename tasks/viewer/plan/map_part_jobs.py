@@ -1,13 +1,13 @@
 """The parts of the map, which are made side by side: image tiles of every layer, values, points in space, contours."""
 
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, ValueLayer
 from orthomill.schemas.maps.map_parts import (
     CLOUD_FILE,
     LEVELS,
-    LINES_FILE,
     PART,
     RIM,
     MapLayer,
@@ -31,9 +31,9 @@ def map_parts(
     pictures: tuple[Picture, ...],
     values: tuple[ValueLayer, ...],
     cloud: CloudLayer | None,
-    lines: tuple[Table, ...],
+    lines: dict[str, tuple[Table, ...]],
 ) -> Iterator[Job | Export]:
-    """All of them; what others are made of comes first."""
+    """All of them; what others are made of comes first. `lines`: tables of lines by the file of their script."""
     for number, picture in enumerate(pictures):
         rows, cols = view.raster(picture.raster).shape[:2]
         yield from _layer(MapLayer(number=number, picture=picture, rows=rows, cols=cols))
@@ -42,8 +42,8 @@ def map_parts(
     if cloud is not None:
         rasters = {key: name for key in ("height", "code", "colours") if (name := getattr(cloud, key))}
         yield Export("viewer", "points", CLOUD_FILE, "map points", rasters, (MAP_PAGE,))
-    if lines:
-        yield Export("viewer", "lines", LINES_FILE, "map lines", {}, lines)
+    for path, tables in lines.items():
+        yield Export("viewer", PurePosixPath(path).stem, path, "map lines", {}, tables)
 
 
 def told(layer: MapLayer) -> MapLayer:

@@ -14,7 +14,8 @@ from orthomill.schemas.bare_ground import (
 )
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, ValueLayer
-from orthomill.schemas.maps.map_parts import PAGE
+from orthomill.schemas.maps.map_parts import EDGES_FILE, LINES_FILE, PAGE
+from orthomill.schemas.maps.straight_edges import EDGES, edge_sheets, straight_edges_table
 from orthomill.schemas.orientation import BLOCK
 from orthomill.schemas.photo import PHOTOS
 from orthomill.schemas.stage_contract import ProjectView
@@ -75,8 +76,7 @@ def viewer_jobs(view: ProjectView) -> Iterator[Job | Export]:
         writes={"page": MAP_PAGE},
         params={"project": view.project.project, "pictures": pictures, "values": values, "cloud": cloud},
     )
-    lines: tuple[Table, ...] = _contours(view) if _draws_contours(reports) else ()
-    parts = list(map_parts(view, pictures, values, cloud, lines))
+    parts = list(map_parts(view, pictures, values, cloud, _lines(view, reports)))
     yield from parts
     yield Export("viewer", "map", PAGE, "map", tables=(MAP_PAGE,), files=last_files(parts))
     yield Job(
@@ -128,9 +128,12 @@ def _cloud(view: ProjectView) -> CloudLayer | None:
     return CloudLayer(height=height, code=PROVENANCE, shown=tuple(map(int, MEASURED)), colours=colours)
 
 
-def _contours(view: ProjectView) -> tuple[Table, ...]:
-    return tuple(map(terrain_lines_table, contour_sheets(view.table(SURFACE).grid.shape, view.project.tile)))
-
-
-def _draws_contours(reports: tuple[StageReport, ...]) -> bool:
-    return any(product.path == "products/contours.gpkg" for report in reports for product in report.products)
+def _lines(view: ProjectView, reports: tuple[StageReport, ...]) -> dict[str, tuple[Table, ...]]:
+    """Tables of the lines that stages report among their products, by the file of their script."""
+    made, size = {product.path for report in reports for product in report.products}, view.project.tile
+    lines: dict[str, tuple[Table, ...]] = {}
+    if "products/contours.gpkg" in made:
+        lines[LINES_FILE] = tuple(map(terrain_lines_table, contour_sheets(view.table(SURFACE).grid.shape, size)))
+    if EDGES in made:
+        lines[EDGES_FILE] = tuple(map(straight_edges_table, edge_sheets(view.raster(ORTHO).shape[:2], size)))
+    return lines

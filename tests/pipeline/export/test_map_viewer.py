@@ -22,7 +22,7 @@ from orthomill.schemas.bare_ground import ContourLines
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps import map_parts as map_parts_schema
 from orthomill.schemas.maps.map_page import MAP_PAGE, CloudLayer, MapCamera, MapPage, ValueLayer
-from orthomill.schemas.maps.map_parts import CLOUD_FILE, PAGE, MapLayer, Shades
+from orthomill.schemas.maps.map_parts import CLOUD_FILE, EDGES_FILE, LINES_FILE, PAGE, MapLayer, Shades
 from orthomill.schemas.raster import MapGrid, Window, map_raster
 from orthomill.schemas.stage_report import Picture
 from orthomill.tasks.viewer.plan import map_part_jobs
@@ -103,7 +103,7 @@ def page() -> MapPage:
 
 
 def parts(view: SimpleNamespace) -> list[Job | Export]:
-    return list(map_parts(view, page().pictures, page().values, page().cloud, (LINES,)))
+    return list(map_parts(view, page().pictures, page().values, page().cloud, {LINES_FILE: (LINES,), EDGES_FILE: (LINES,)}))
 
 
 def written(folder: Path) -> Path:
@@ -212,7 +212,9 @@ def test_the_page_is_small_loads_nothing_from_elsewhere_and_bears_any_title(tmp_
         for level, runs in layer["levels"].items():
             names = {f"{row}-{col}{kind}" for row, first, last, kind in runs for col in range(first, last + 1)}
             assert {path.name for path in (products / layer["folder"] / level).iterdir()} == names
-    assert data["values"]["tiles"] == [[0, 0, 1], [1, 0, 1]] and (products / data["lines"]).exists()
+    assert data["values"]["tiles"] == [[0, 0, 1], [1, 0, 1]]
+    for name in ("lines", "edges"):
+        assert (products / data[name]).read_text().startswith(f"omLines('{name}',")
 
 
 def test_a_map_of_many_parts_differs_from_that_of_one_in_its_coarse_tiles_alone_and_hardly(tmp_path, monkeypatch):

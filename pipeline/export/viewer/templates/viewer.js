@@ -113,26 +113,28 @@
   }
   const number = (v) => (Math.abs(v) >= 100 ? v.toFixed(1) : v.toFixed(2));
 
-  // Contours: a script that calls omLines when it is asked for.
-  let lines = null;
+  // Contours and edges: scripts that call omLines when they are asked for.
+  const lines = {}, colours = { lines: "#7a4a1e", edges: "#e6007e" };
   const renderer = L.canvas({ padding: 0.3 });
-  window.omLines = (west, south, rows) => {
-    lines = L.layerGroup();
+  window.omLines = (name, west, south, rows) => {
+    const group = lines[name] = L.layerGroup(), color = colours[name];
     for (const [height, dashed, label, steps] of rows) {
       let x = 0, y = 0; const places = [];
       for (let k = 0; k < steps.length; k += 2) { x += steps[k]; y += steps[k + 1]; places.push([south + y / 100, west + x / 100]); }
-      lines.addLayer(L.polyline(places, { renderer, color: "#7a4a1e", weight: label ? 1.8 : 0.9, dashArray: dashed ? "6 5" : null, interactive: false }));
+      group.addLayer(L.polyline(places, { renderer, color, weight: label || name === "edges" ? 1.8 : 0.9, dashArray: dashed ? "6 5" : null, interactive: false }));
       if (label && places.length > 40) {
-        lines.addLayer(L.marker(places[places.length >> 1], { icon: L.divIcon({ className: "label", html: label, iconSize: [40, 14] }), interactive: false }));
+        group.addLayer(L.marker(places[places.length >> 1], { icon: L.divIcon({ className: "label", html: label, iconSize: [40, 14] }), interactive: false }));
       }
     }
-    if ($("lines").checked) lines.addTo(map);
+    if ($(name).checked) group.addTo(map);
   };
-  $("linesrow").hidden = !OM.lines;
-  $("lines").onchange = () => {
-    if (!lines) return script(OM.lines);
-    if ($("lines").checked) lines.addTo(map); else lines.remove();
-  };
+  for (const name in colours) {
+    $(name + "row").hidden = !OM[name];
+    $(name).onchange = () => {
+      if (!lines[name]) return script(OM[name]);
+      if ($(name).checked) lines[name].addTo(map); else lines[name].remove();
+    };
+  }
   const script = (path) => new Promise((done) => { const s = document.createElement("script"); s.src = path; s.onload = s.onerror = () => { s.remove(); done(); }; document.head.append(s); });
 
   // Photographs.
