@@ -115,6 +115,15 @@ _ALL = (
         "RUN ...: finished runs of simulated towns",
     ),
     Study(
+        "edge_truth",
+        "texture.edge_truth",
+        "how far straight edges lie from the sides of simulated houses, and whether they say so",
+        "seconds",
+        ("tasks/texture", "tasks/colouring", "tasks/visibility"),
+        RUN,
+        "RUN ...: finished runs of simulated towns",
+    ),
+    Study(
         "qgis_reads",
         "delivery.qgis_reads",
         "what QGIS says of the products of a run, and its picture of them",
