@@ -9,7 +9,7 @@ from orthomill.tasks.terrain.ground.bridges import bridge
 from orthomill.tasks.terrain.ground.evened_ground import REACH, ROUNDS, evened
 from orthomill.tasks.terrain.ground.hidden_ground import told_by_ground
 from orthomill.tasks.terrain.ground.learned_errors import LEAST_SAMPLES, GroundSamples, learned_errors
-from orthomill.tasks.terrain.ground.mean_value_fill import _UNITS, DIRECTIONS, HALF, QUARTER, GapFill, _summed, fill_gaps
+from orthomill.tasks.terrain.ground.mean_value_fill import _TOGETHER, _UNITS, DIRECTIONS, HALF, QUARTER, GapFill, _summed, fill_gaps
 from orthomill.tasks.terrain.ground.morphological_filter import rings
 
 ROW, COL = np.mgrid[:60, :70].astype(np.float64)
@@ -51,9 +51,26 @@ def test_sums_over_the_known_cells_are_those_of_whole_arrays():
     row, col = np.indices(known.shape)
     whole = np.rint(values.astype(np.float64) * _UNITS).astype(np.int64)
     plain = np.stack([known, known * row, known * col, known * whole[..., 0], known * whole[..., 1]], axis=-1).astype(np.int64)
+    plain = plain.cumsum(axis=0).cumsum(axis=1)
     values[~known] = np.nan
-    np.testing.assert_array_equal(_summed(values, known)[1:, 1:], plain.cumsum(axis=0).cumsum(axis=1))
-    assert (_summed(values, known)[0] == 0).all() and (_summed(values, known)[:, 0] == 0).all()
+    counts, sums = _summed(values, known)
+    np.testing.assert_array_equal(counts[1:, 1:], plain[..., 0])
+    np.testing.assert_array_equal(sums[1:, 1:], plain[..., 1:])
+    assert not any(table[0].any() or table[:, 0].any() for table in (counts, sums))
+
+
+def test_a_cell_is_filled_by_itself_whatever_is_filled_with_it():
+    draw = np.random.default_rng(2)
+    known = draw.random((70, 90)) < 0.05
+    values = draw.normal(100, 3, (*known.shape, 2)).astype(np.float32)
+    together = fill_gaps(values, known, ~known, 20)
+    assert (~known).sum() > _TOGETHER, "more than one batch"
+    for row, col in ((0, 0), (31, 32), (32, 31), (69, 89), (40, 64)):
+        alone = np.zeros_like(known)
+        alone[row, col] = True
+        single = fill_gaps(values, known, alone, 20)
+        for one, all_of_them in zip(single, together, strict=True):
+            np.testing.assert_array_equal(one[row, col], all_of_them[row, col])
 
 
 @pytest.mark.parametrize("seed", range(6))
