@@ -8,7 +8,7 @@ from orthomill.schemas.job import Table
 from orthomill.schemas.maps.map_lines import MapLines
 from orthomill.schemas.raster import Tile, tiles_of
 
-SHEET = 8192
+SHEET = 4096
 """pixels of the orthoimage along a sheet, about: lines are joined within a sheet, so that memory does not grow with the map"""
 EDGES = "products/edges.gpkg"
 

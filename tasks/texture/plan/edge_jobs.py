@@ -13,8 +13,8 @@ from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges
 _FORMATS = {"edges.gpkg": "gpkg", "edges.dxf": "dxf"}
 _PLACE = 600
 """bytes of a place while lines are grown through it and its neighbours"""
-_APART = 40
-"""px of the orthoimage for a place, at least: as close as edges lie in a town"""
+_APART = 100
+"""px of the orthoimage for a place, at least: edges of roofs and beams 50 px apart"""
 
 
 def places_table(tile: Tile) -> Table[MeasuredEdges]:

@@ -106,7 +106,7 @@ def _sources(view: ProjectView) -> Picture:
         raster=ORTHO_SOURCE,
         style="classes",
         classes=photograph_classes(view.table(BLOCK), view.table(PHOTOS)),
-        caption="Of the photographs that are blended the one of the greatest weight; products/ortho_source.tif.",
+        caption="Of the photographs that are blended the one of the greatest weight; the product ortho_source.",
     )
 
 
