@@ -68,7 +68,7 @@ def test_layers_are_the_maps_that_stages_report_the_orthoimage_first():
     assert [export.path for export in exports if MAP_PAGE in export.tables][-1] == exports[-1].path == "products/index.html"
     lines, edges = (export for export in exports if export.format == "map lines")
     assert [table.path for table in lines.tables] == [f"terrain/contours/sheet_{row}-0.parquet" for row in (0, 1)]
-    assert [table.path for table in edges.tables] == ["texture/edges/sheet_0-0.parquet"]
+    assert [table.path for table in edges.tables] == [f"texture/edges/sheet_{row}-0.parquet" for row in (0, 1)]
     assert [export.path for export in (lines, edges)] == [LINES_FILE, EDGES_FILE]
 
 
