@@ -259,3 +259,11 @@ def test_sums_of_a_sheet_weigh_lines_by_their_length():
     assert sheet.sums.lines == 1 and abs(sheet.sums.length - 20) < 0.3
     assert np.sqrt(sheet.sums.variance / sheet.sums.length) == pytest.approx(sheet.lines.sigma_across[0], rel=1e-3)
     assert edge_sheet((no_edges(),), 1.0).sums.lines == 0
+
+
+def test_lines_of_small_things_are_not_rounded_to_millimetres():
+    """A coin of cells of a tenth of a millimetre."""
+    places = along((0, 0, 0.005), (0.002, 0.001, 0.005), 11, 1e-6)
+    lines = straight_edges((replace(places, sigma_across=np.full(11, 1e-6), sigma_height=np.full(11, 1e-6)),), 1e-4)
+    assert len(lines) == 2 and np.abs(np.diff(lines.x)[0]) == pytest.approx(0.002, abs=5e-6)
+    assert 0 < lines.sigma_across[0] < 1e-5

@@ -9,6 +9,7 @@ what they scatter about the line comes on top.
 """
 
 from dataclasses import dataclass
+from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
@@ -31,9 +32,7 @@ _CROSSING = np.sin(np.radians(30.0))  # lines that differ less make no corner
 _CLIMB = 0.2  # m per m: slopes along one edge differ by less; a gable rises and falls
 _OFF = 0.5  # cells, or three standard errors, from a line across it, and twice as much in height
 LAYER = "EDGE"
-DECIMALS = 3
-"""of coordinates: millimetres"""
-_FINER = 4
+_DIGITS = 3  # of a cell: coordinates are written to its thousandth, or to a millimetre where this is finer
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def straight_edges(parts: tuple[MeasuredEdges, ...], cell: float) -> StraightEdg
     """The lines through the places of all parts; `cell`: side of a cell of the surface model, m."""
     edges = _in_order(parts)
     lines = _lines(edges, cell)
-    return _table(edges, lines, _ends(lines, cell))
+    return _table(edges, lines, _ends(lines, cell), max(_DIGITS, ceil(_DIGITS - log10(cell))))
 
 
 def _in_order(parts: tuple[MeasuredEdges, ...]) -> MeasuredEdges:
@@ -210,8 +209,8 @@ def _ends(lines: list[_GrownLine], cell: float) -> np.ndarray:
     return drawn
 
 
-def _table(edges: MeasuredEdges, lines: list[_GrownLine], ends: np.ndarray) -> StraightEdges:
-    """The table of the lines, sorted by place."""
+def _table(edges: MeasuredEdges, lines: list[_GrownLine], ends: np.ndarray, decimals: int) -> StraightEdges:
+    """The table of the lines, sorted by place, with so many decimals of a metre."""
     order = np.lexsort((ends[:, 0, 1], ends[:, 0, 0]))
     found = np.array([_precision(edges, lines[k]) for k in order]).reshape(-1, len(_Precision._fields))
     each = _Precision(*np.repeat(found, 2, axis=0).T)
@@ -219,17 +218,17 @@ def _table(edges: MeasuredEdges, lines: list[_GrownLine], ends: np.ndarray) -> S
     count = len(vertices)
     return StraightEdges(
         line=np.repeat(np.arange(len(order)), 2),
-        x=np.round(vertices[:, 0], DECIMALS),
-        y=np.round(vertices[:, 1], DECIMALS),
-        z=np.round(vertices[:, 2], DECIMALS),
+        x=np.round(vertices[:, 0], decimals),
+        y=np.round(vertices[:, 1], decimals),
+        z=np.round(vertices[:, 2], decimals),
         layer=np.full(count, LAYER),
         dashed=np.zeros(count, bool),
         text=np.full(count, ""),
-        length=np.repeat(np.round(np.hypot(*(ends[order, 1] - ends[order, 0])[:, :2].T), DECIMALS), 2),
-        step=np.round(each.step, DECIMALS),
-        sigma_across=np.round(each.across, _FINER),
-        sigma_height=np.round(each.height, _FINER),
-        scatter=np.round(each.scatter, _FINER),
+        length=np.repeat(np.round(np.hypot(*(ends[order, 1] - ends[order, 0])[:, :2].T), decimals), 2),
+        step=np.round(each.step, decimals),
+        sigma_across=np.round(each.across, decimals + 1),
+        sigma_height=np.round(each.height, decimals + 1),
+        scatter=np.round(each.scatter, decimals + 1),
         photos=np.rint(each.photos).astype(np.int64),
     )
 
