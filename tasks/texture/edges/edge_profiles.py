@@ -56,18 +56,25 @@ def edge_changes(view: View, part: PhotoPixelsAt, planes: EdgePlanes, cell: floa
     where it does not show a place. `cell`: side of a pixel of the orthoimage, m."""
     s, a = offsets(divisor), along_parts(divisor)
     wide = np.arange(s[0] * STEPS - _FADE * STEPS, s[-1] * STEPS + _FADE * STEPS + 1) / STEPS
-    size = view.camera.height, view.camera.width
+    out = np.full((len(planes.point), PARTS, len(s)), np.nan, np.float32)
     foot, across, along = (view.project(point) for point in _frame_points(planes, cell))
     across, along = across - foot, along - foot
+    # A piece is a parallelogram in the photograph: it is inside if its corners are.
+    corners = [foot + t * along + u * across for t in (a.min(), a.max()) for u in (wide[0], wide[-1])]
+    shown = np.flatnonzero(np.all([view.contains(corner, 1.0) for corner in corners], axis=0))
+    foot, across, along = foot[shown], across[shown], along[shown]
     places = (
         foot[:, None, None, None] + a[:, :, None, None] * along[:, None, None, None] + wide[:, None] * across[:, None, None, None]
     )
-    colour, held = colours_at(part, size, places.reshape(-1, 2))
-    inside = view.contains(places.reshape(-1, 2), 1.0) & held
-    colour = np.where(inside[:, None], colour, np.nan).reshape(*places.shape[:-1], colour.shape[1]).mean(axis=2)
-    slope = ndimage.gaussian_filter1d(colour.astype(np.float64), _BLUR * STEPS, axis=2, order=1, truncate=_FADE) * STEPS
+    colour, held = colours_at(part, (view.camera.height, view.camera.width), places.reshape(-1, 2))
+    colour[~held] = np.nan
+    rows = colour.reshape(*places.shape[:-1], colour.shape[1])
+    # Of so few rows a mean along the axis takes longer than all the rest.
+    mean = sum((rows[:, :, k] for k in range(ROWS)), np.float32(0)) / np.float32(ROWS)
+    slope = ndimage.gaussian_filter1d(mean, _BLUR * STEPS, axis=2, order=1, truncate=_FADE) * STEPS
     fade = round(_FADE * STEPS)
-    return np.sqrt((slope[:, :, fade:-fade] ** 2).sum(axis=-1)).astype(np.float32)
+    out[shown] = np.sqrt((slope[:, :, fade:-fade] ** 2).sum(axis=-1))
+    return out
 
 
 def _frame_points(planes: EdgePlanes, cell: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
