@@ -7,7 +7,7 @@ import numpy as np
 
 from orthomill.schemas.job import Columns, Table
 from orthomill.schemas.maps.map_lines import MapLines
-from orthomill.schemas.raster import Tile, tiles_of
+from orthomill.schemas.raster import Tile, sheets_of
 
 TERRAIN = "terrain/height"
 """float32 m: height of the bare ground, NaN beyond the surface and where no ground is near"""
@@ -110,7 +110,7 @@ CONTOUR_SHEET = 4096
 
 def contour_sheets(shape: tuple[int, ...], tile: int) -> tuple[Tile, ...]:
     """The sheets of a terrain of `shape` cells: whole tiles (of `tile` cells) together; most terrains are one sheet."""
-    return tuple(tiles_of(shape, max(CONTOUR_SHEET // tile, 1) * tile))
+    return sheets_of(shape, tile, CONTOUR_SHEET)
 
 
 def terrain_lines_table(sheet: Tile) -> Table[ContourLines]:

@@ -103,6 +103,19 @@ def tiles_of(shape: tuple[int, ...], size: int | tuple[int, int]) -> Iterator[Ti
             yield Tile(row, col, Window(row * height, col * width, height, width).clipped(shape))
 
 
+def sheets_of(shape: tuple[int, ...], size: int, side: int) -> tuple[Tile, ...]:
+    """Whole tiles of `size` pixels together, in squares of about `side` pixels, row by row."""
+    return tuple(tiles_of(shape, max(side // size, 1) * size))
+
+
+def tiles_in(sheet: Tile, shape: tuple[int, ...], size: int) -> Iterator[Tile]:
+    """Those of `tiles_of` that lie in a sheet of whole tiles, row by row."""
+    window = sheet.window
+    for row in range(window.row // size, -(-(window.row + window.height) // size)):
+        for col in range(window.col // size, -(-(window.col + window.width) // size)):
+            yield Tile(row, col, Window(row * size, col * size, size, size).clipped(shape))
+
+
 def windows_in(window: Window, size: int) -> tuple[Window, ...]:
     """Windows of `size` pixels that cover a window, counted from its corner, row by row; the last ones are smaller."""
     inside = (tile.window for tile in tiles_of(window.shape, size))

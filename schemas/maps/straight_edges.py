@@ -6,7 +6,7 @@ import numpy as np
 
 from orthomill.schemas.job import Table
 from orthomill.schemas.maps.map_lines import MapLines
-from orthomill.schemas.raster import Tile, tiles_of
+from orthomill.schemas.raster import Tile, sheets_of
 
 SHEET = 4096
 """pixels of the orthoimage along a sheet, about: lines are joined within a sheet, so that memory does not grow with the map"""
@@ -32,7 +32,7 @@ class StraightEdges(MapLines):
 
 def edge_sheets(shape: tuple[int, ...], size: int) -> tuple[Tile, ...]:
     """The sheets of an orthoimage of `shape` pixels: whole tiles (of `size` pixels) together; most are one sheet."""
-    return tuple(tiles_of(shape, max(SHEET // size, 1) * size))
+    return sheets_of(shape, size, SHEET)
 
 
 def straight_edges_table(sheet: Tile) -> Table[StraightEdges]:

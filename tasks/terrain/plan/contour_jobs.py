@@ -12,7 +12,7 @@ from orthomill.schemas.bare_ground import (
 )
 from orthomill.schemas.job import Export, Job, Raster, Table
 from orthomill.schemas.memory import array_bytes
-from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_of
+from orthomill.schemas.raster import MapGrid, Tile, Window, tiles_in, tiles_of
 from orthomill.tasks.terrain.contours.contour_interval import ContourInterval, contour_interval
 from orthomill.tasks.terrain.contours.contour_pieces import HALO, ContourPieces, contour_pieces
 from orthomill.tasks.terrain.contours.joined_contours import join_contours
@@ -44,14 +44,12 @@ def contour_jobs(asked: DrawContours, grid: MapGrid, size: int, sums: tuple[Tabl
 
 
 def _joined(asked: DrawContours, grid: MapGrid, sheet: Tile, size: int) -> Job:
-    rows = range(sheet.window.row, sheet.window.row + sheet.window.height)
-    cols = range(sheet.window.col, sheet.window.col + sheet.window.width)
-    inside = [tile for tile in tiles_of(grid.shape, size) if tile.window.row in rows and tile.window.col in cols]
+    inside = tiles_in(sheet, grid.shape, size)
     return Job(
         stage="terrain",
         item="joined",
         function=join_contours,
-        reads={"parts": tuple(_pieces_table(tile) for tile in inside), "interval": INTERVAL},
+        reads={"parts": tuple(map(_pieces_table, inside)), "interval": INTERVAL},
         writes={"lines": terrain_lines_table(sheet)},
         params={"cell": grid.cell, "every": asked.index_every},
         row=sheet.row,

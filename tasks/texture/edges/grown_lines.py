@@ -22,7 +22,7 @@ from orthomill.tasks.texture.edges.edge_profiles import HALF_PIECE
 from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges, joined_edges
 
 LEAST_LENGTH = 5.0
-"""cells along a line: a piece that is measured at once"""
+"""cells along a line"""
 LEAST_PLACES = 4
 CORNER = 3.0
 """cells from its end to which a line is drawn to the crossing with another"""

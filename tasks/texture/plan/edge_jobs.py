@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from orthomill.schemas.job import Export, Job, Table
 from orthomill.schemas.maps.straight_edges import edge_sheets, straight_edges_table
 from orthomill.schemas.memory import array_bytes
-from orthomill.schemas.raster import MapGrid, Tile, tiles_of
+from orthomill.schemas.raster import MapGrid, Tile, tiles_in
 from orthomill.schemas.surface import ORTHO
 from orthomill.tasks.texture.edges.grown_lines import EdgeSums, edge_sheet
 from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges
@@ -38,9 +38,7 @@ def edge_jobs(ortho: MapGrid, size: int, cell: float) -> Iterator[Job | Export]:
 
 
 def _lines(ortho: MapGrid, sheet: Tile, size: int, cell: float) -> Job:
-    rows = range(sheet.window.row, sheet.window.row + sheet.window.height)
-    cols = range(sheet.window.col, sheet.window.col + sheet.window.width)
-    inside = [tile for tile in tiles_of(ortho.shape, size) if tile.window.row in rows and tile.window.col in cols]
+    inside = tiles_in(sheet, ortho.shape, size)
     return Job(
         stage="texture",
         item="edges",
