@@ -701,6 +701,15 @@ _ALL = (
         words="[SECONDS [PROJECT]]",
     ),
     Study(
+        "changing_workers",
+        "trust.changing_workers",
+        "workers that join and are taken away at random: how much of their time is work",
+        "minutes",
+        ("pipeline/engine", "pipeline/records", "pipeline/storage"),
+        needs="SeaweedFS (weed), and a system that has unshare",
+        words="[MINUTES [WORKERS [SECONDS]]]",
+    ),
+    Study(
         "faulty_store",
         "trust.faulty_store",
         "runs whose object store refuses, cuts, loses answers, or is killed",

@@ -10,7 +10,6 @@ time. One has half the memory. Every so many seconds one of all, by lot, is kill
 import os
 import random
 import signal
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
@@ -23,8 +22,8 @@ import psutil
 
 from benchmarks.instrument.result_page import write_page
 from benchmarks.measured_run import orthomill, project_root
+from benchmarks.trust.cluster_nodes import Apart, Node, cluster
 from benchmarks.trust.kept_results import kept
-from benchmarks.trust.killed_workers import Node, scheduler
 from orthomill.pipeline.storage.depots.bucket import bucket_of
 from orthomill.pipeline.storage.depots.folder import Folder
 from tests.support.stores.seaweed import SECRET, WEED, seaweed
@@ -87,36 +86,20 @@ worker, by lot, is killed with -9.
 def scattered(folder: Path, seconds: float, kills: Counter[str]) -> Iterator[str]:
     """The address of a cluster whose workers are slow, small, and killed by lot."""
     enough = Event()
-    with scheduler(folder) as address, ExitStack() as stack:
-        nodes = {kind: _node(folder, address, kind) for kind in KINDS}
-        for node in nodes.values():
-            stack.callback(node.end)
+    hidden = (folder / "storm", folder / "calm")
+    with cluster(folder) as office:
+        nodes = {
+            kind: office.join("--memory-limit", memory, apart=Apart(folder / "workers" / kind.replace(" ", "_"), hidden))
+            for kind, memory in KINDS.items()
+        }
         slow = Thread(target=_slowed, args=(nodes["slow"], enough), daemon=True)
         killer = Thread(target=_killed, args=(nodes, seconds, enough, kills), daemon=True)
         for thread in (slow, killer):
             thread.start()
-        yield address
+        yield office.address
         enough.set()
         for thread in (slow, killer):
             thread.join()
-
-
-def _node(folder: Path, address: str, kind: str) -> Node:
-    """A worker that sees nothing of what the command has."""
-    own = folder / "workers" / kind.replace(" ", "_")
-    places = {name: own / place for name, place in (("HOME", "home"), ("TMPDIR", "tmp"), ("ORTHOMILL_SCRATCH", "scratch"))}
-    for place in places.values():
-        place.mkdir(parents=True)
-    hidden = " && ".join(f"mount -t tmpfs none '{folder / name}'" for name in ("storm", "calm"))
-    worker = f"'{sys.executable}' -m distributed.cli.dask_worker {address} --no-dashboard --nthreads 1 --memory-limit {KINDS[kind]}"
-    command = ["unshare", "--mount", "--map-root-user", "sh", "-c", f"{hidden} && exec {worker}"]
-    environment = os.environ | {name: str(place) for name, place in places.items()}
-
-    def start() -> psutil.Process:
-        with (own / "log").open("ab") as log:
-            return psutil.Popen(command, cwd=places["TMPDIR"], env=environment, stdout=log, stderr=log)
-
-    return Node(start)
 
 
 def _slowed(node: Node, enough: Event) -> None:

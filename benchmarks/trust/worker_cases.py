@@ -8,31 +8,24 @@ second a tile (three where workers leave). Where no worker may do the jobs the c
 ended after five minutes hangs.
 """
 
-import os
 import random
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 
-import psutil
-
 from benchmarks.instrument.result_page import write_page
+from benchmarks.trust.cluster_nodes import Cluster, cluster
 from benchmarks.trust.kept_results import kept
-from benchmarks.trust.killed_workers import MEMORY, Node, scheduler
-from orthomill.pipeline.engine.dask_cluster import remote_client
-from orthomill.pipeline.engine.dask_runner import DaskRunner
+from benchmarks.trust.session_on_cluster import run_session
 from orthomill.pipeline.engine.graph import PROCESS_BYTES
-from orthomill.pipeline.engine.session import Unwatched
-from orthomill.pipeline.engine.workers.worker_terms import shown
 from orthomill.pipeline.storage.depots.folder import Folder
-from orthomill.schemas.errors import OrthomillError
 from orthomill.schemas.job import Job
 from tests.support.engine import toy_stages
 from tests.support.engine.toy_stages import SmoothStage, SourceStage, SumStage, run_in, session_in
@@ -66,7 +59,7 @@ class Case:
 
     name: str
     workers: tuple[tuple[str, ...], ...]
-    happens: Callable[["Cluster", random.Random, Ended], bool] = lambda cluster, chance, ended: True
+    happens: Callable[[Cluster, random.Random, Ended], bool] = lambda cluster, chance, ended: True
     whole: bool = True
     demanding: bool = False
     """whether the jobs need more than half of a worker's memory"""
@@ -92,23 +85,6 @@ class Ending:
         if whole:
             return self.code == 0 and not self.differing
         return bool(self.code) and self.said.endswith(".") and "Traceback" not in self.said
-
-
-class Cluster:
-    """A scheduler's address, and the nodes that have joined it."""
-
-    def __init__(self, folder: Path, address: str, stack: ExitStack) -> None:
-        self._folder, self._address, self._stack = folder, address, stack
-        self.nodes: list[Node] = []
-
-    def join(self, *words: str) -> None:
-        """A node more."""
-        memory = () if "--memory-limit" in words else ("--memory-limit", MEMORY)
-        command = [sys.executable, "-m", "distributed.cli.dask_worker", self._address, "--no-dashboard", "--nthreads", "1"]
-        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": os.environ | {"PYTHONPATH": str(ROOT)}}
-        node = Node(lambda: psutil.Popen([*command, *memory, *words], cwd=self._folder, **silent))
-        self._stack.callback(node.end)
-        self.nodes.append(node)
 
 
 def _joins(cluster: Cluster, chance: random.Random, ended: Ended) -> bool:
@@ -162,16 +138,7 @@ def run_at(root: str, address: str, workers: int, demanding: bool, pause: float)
     """The command, in a process of its own: what `orthomill run --scheduler` does once so many workers are there."""
     source = (DemandingStage if demanding else SourceStage)(rows=500, cols=500, pause=pause)
     session = session_in(Path(root), source, SmoothStage(), SumStage())
-    try:
-        with remote_client(address) as client, shown(session.folder, session.mark) as terms:
-            client.wait_for_workers(workers, timeout=HANGS)
-            runner = DaskRunner(client, toy_stages.MEMORY, "elsewhere", toy_stages.MEMORY, terms, print, PATIENCE)
-            runner.workforce.muster(terms)
-            session.run(runner, Unwatched())
-            runner.close()
-    except OrthomillError as error:
-        raise SystemExit(f"error: {error}") from None
-    raise SystemExit(int(bool(session.failures)))
+    run_session(session, address, workers, toy_stages.MEMORY, PATIENCE)
 
 
 class DemandingStage(SourceStage):
@@ -206,27 +173,20 @@ def main(words: list[str]) -> None:
 def run_case(folder: Path, number: int, case: Case, expected: dict[str, str]) -> Ending:
     """One run, with what happens to its workers."""
     folder.mkdir()
-    with _cluster(folder, case) as cluster, (folder / "said").open("wb") as said:
+    with cluster(folder) as office, (folder / "said").open("wb") as said:
+        for words in case.workers:
+            office.join(*words)
         begun = time.monotonic()
-        told = f"{str(folder)!r}, {cluster[1]!r}, {len(case.workers)}, {case.demanding}, {case.pause}"
+        told = f"{str(folder)!r}, {office.address!r}, {len(case.workers)}, {case.demanding}, {case.pause}"
         command = f"from benchmarks.trust.worker_cases import run_at; run_at({told})"
         process = subprocess.Popen([sys.executable, "-c", command], cwd=ROOT, stdout=said, stderr=said)
-        happened = _happens(process, folder, case, cluster[0], random.Random(number))
+        happened = _happens(process, folder, case, office, random.Random(number))
         code = _code(process, HANGS - (time.monotonic() - begun))
         seconds = time.monotonic() - begun
     last = ((folder / "said").read_text().strip().splitlines() or [""])[-1]
     found = kept(Folder(folder / "runs/toy")) if code == 0 else {}
     differing = sum(found.get(name) != digest for name, digest in expected.items()) + len(set(found) - set(expected))
     return Ending(code, last, seconds, differing, happened)
-
-
-@contextmanager
-def _cluster(folder: Path, case: Case) -> Iterator[tuple[Cluster, str]]:
-    with scheduler(folder) as address, ExitStack() as stack:
-        cluster = Cluster(folder, address, stack)
-        for words in case.workers:
-            cluster.join(*words)
-        yield cluster, address
 
 
 def _happens(process: subprocess.Popen, folder: Path, case: Case, cluster: Cluster, chance: random.Random) -> bool:
