@@ -1,6 +1,5 @@
 """The simulation of clusters: cases whose outcome is known without it."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -8,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks.scale.job_counts import IN_SHEETS, OF_LEVELS, GoesBy, Spread, placed_side_by_side, spread_of
+from benchmarks.scale.job_counts import IN_SHEETS, OF_LEVELS, GoesBy, Spread, spread_of
 from benchmarks.scale.recorded_layout import (
     BY_PHOTOGRAPH,
     GROWING,
@@ -22,9 +21,8 @@ from benchmarks.scale.recorded_layout import (
 )
 from benchmarks.scale.simulated_cluster import Cluster, Jobs, simulated
 from orthomill.pipeline.export.file_parts import in_parts
-from orthomill.pipeline.forecast.known_costs import family_of
-from orthomill.schemas.job import Export, Job
-from orthomill.schemas.raster import RasterSpec
+from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.raster import RasterSpec, tiles_of
 from orthomill.tasks.accuracy.promises import disjoint_photographs
 from orthomill.tasks.colouring.balance.balancing import balanced_block
 from orthomill.tasks.densification.precision.tie_points import tie_counts
@@ -50,7 +48,7 @@ def jobs_of(seconds: list[float], *before: tuple[int, ...]) -> Jobs:
 def layout_of(jobs: Jobs, once: list[bool]) -> Layout:
     """A block of 10 Mpx in two photographs; what is not made once goes by squares of the map that are whole tiles."""
     goes = np.where(once, int(GoesBy.ONCE), int(GoesBy.TILE_OF_MAP))
-    spread = Spread(goes, *np.ones((3, len(once))))
+    spread = Spread(goes, *np.ones((4, len(once))))
     return Layout(10.0, 2, 512, jobs, spread, 0.0, np.ones(len(once)), np.zeros(len(once), bool))
 
 
@@ -165,7 +163,7 @@ def test_a_very_large_file_is_sheets_that_nobody_joins_and_as_many_as_the_planne
 
 def test_what_does_not_go_by_the_tile_is_counted_by_photographs_and_squares():
     goes = np.array([GoesBy.ONCE, GoesBy.PHOTOGRAPH, GoesBy.SQUARE, GoesBy.TILE_OF_PHOTOGRAPH, GoesBy.TILE_OF_MAP])
-    spread = Spread(goes, np.array([1, 6, 30, 20, 30]), np.array([1, 1, 1, 4.5, 4.2]), np.array([1, 1, 1, 3.5, 5.9]))
+    spread = Spread(goes, np.array([1, 6, 30, 20, 30]), np.array([1, 1, 1, 4.5, 4.2]), np.array([1, 1, 1, 3.5, 5.9]), np.ones(5))
     np.testing.assert_allclose(spread.numbers(1.0, 1.0, 1.0), [1, 1, 1, 1, 1])
     # Tiles of four times the side: 2 x 1 instead of 20 for a photograph, 2 x 2 instead of 30 for the map.
     np.testing.assert_allclose(spread.numbers(1.0, 1.0, 4.0), [1, 1, 1, 2 / 20, 4 / 30])
@@ -201,7 +199,7 @@ def test_the_plan_with_larger_tiles_tells_what_the_number_of_jobs_goes_by():
         return [*by_tile, *levels, *squares, *(planned(photograph, name) for name in "ab"), planned(adjust, "block")]
 
     small, large = plan(4), plan(1)
-    spread = spread_of(small, Counter(map(family_of, large)), placed_side_by_side(large))
+    spread = spread_of(small, large)
     expected = (
         [GoesBy.TILE_OF_MAP] * 4 + [GoesBy.TILE_OF_PHOTOGRAPH] * 8 + [GoesBy.SQUARE] * 6 + [GoesBy.PHOTOGRAPH] * 2 + [GoesBy.ONCE]
     )
@@ -213,5 +211,22 @@ def test_levels_that_cover_the_map_go_by_its_tiles():
     assert {solve_square.__name__} == OF_LEVELS
     small = [planned(solve_square, f"volume {level}", row) for level, squares in ((1, 2), (0, 8)) for row in range(squares)]
     large = [planned(solve_square, f"volume {level}", row) for level, squares in ((1, 1), (0, 2)) for row in range(squares)]
-    spread = spread_of(small, Counter(map(family_of, large)), placed_side_by_side(large))
+    spread = spread_of(small, large)
     assert set(spread.goes.tolist()) == {GoesBy.TILE_OF_MAP}
+
+
+def test_levels_have_tiles_of_their_own_which_have_a_least_side():
+    def level(number: int, extent: int, side: int) -> list[SimpleNamespace]:
+        spec = RasterSpec(name=f"volume/{number}", shape=(extent, extent), dtype="float32", chunk=side)
+        jobs = []
+        for tile in tiles_of(spec.shape, side):
+            writes = {"height": Raster(spec.name, tile.window)}
+            jobs.append(Job("tiles", spec.name, solve_square, {}, writes, row=tile.row, col=tile.col))
+        return [SimpleNamespace(job=job) for job in jobs]
+
+    def plan(side: int) -> list[SimpleNamespace]:
+        return [one for number, extent in enumerate((2300, 1150, 575)) for one in level(number, extent, max(side >> number, 256))]
+
+    spread = spread_of(plan(512), plan(2048))
+    assert [len(plan(side)) for side in (512, 1024, 2048)] == [25 + 25 + 9, 9 + 9 + 9, 4 + 4 + 4]
+    assert [round(spread.numbers(1.0, 1.0, side / 512).sum()) for side in (512, 1024, 2048)] == [59, 27, 12]

@@ -6,7 +6,7 @@ whatever the tile; those that become fewer go by the tile, of a photograph (or p
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum, auto
 
@@ -17,6 +17,7 @@ from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.forecast.known_costs import Family, family_of
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
 from orthomill.schemas.job import Export, Raster
+from orthomill.schemas.raster import Window
 
 LARGER = 4
 """times the side of a tile that the plan is asked with"""
@@ -25,6 +26,8 @@ IN_SHEETS = {"join_contours", "tie_counts"}
 
 OF_LEVELS = {"solve_square"}
 """functions of jobs that cover the map several times, level by level; those of others that have several items cover photographs"""
+Group = tuple[Family, str]
+"""jobs of a kind that have one item: they cover a photograph, a level, or the map"""
 
 
 class GoesBy(IntEnum):
@@ -40,12 +43,14 @@ class GoesBy(IntEnum):
 @dataclass(frozen=True, eq=False)
 class Spread:
     """Of each job (N,): what the number of its kind goes by; how many there are of it side by side; the tiles along its raster,
-    whole and parts of one."""
+    whole and parts of one; by how much its own tile is larger in a plan with larger ones, in parts of what it should be: less than
+    1 where tiles have a least side, which coarse levels of the map come to."""
 
     goes: np.ndarray
     beside: np.ndarray
     rows: np.ndarray
     cols: np.ndarray
+    follows: np.ndarray
 
     def numbers(self, larger: float, more: float, coarser: float) -> np.ndarray:
         """(N,) jobs for each one of a project with `larger` times the megapixels in `more` times the photographs, and tiles of
@@ -54,8 +59,10 @@ class Spread:
         found[self.goes == GoesBy.PHOTOGRAPH] = more
         found[self.goes == GoesBy.SQUARE] = larger
         tiles = ((GoesBy.TILE_OF_PHOTOGRAPH, more), (GoesBy.TILE_OF_MAP, 1.0))
+        coarse = np.where(self.follows < 1.0, np.maximum(coarser * self.follows, 1.0), coarser)
         for kind, times in tiles:
-            mine, side = self.goes == kind, np.sqrt(larger / times) / coarser
+            mine = self.goes == kind
+            side = np.sqrt(larger / times) / coarse[mine]
             # Rounded before: three tiles are three, whatever the square root leaves of them.
             rows, cols = (np.ceil(np.round(along[mine] * side, 6)) for along in (self.rows, self.cols))
             found[mine] = times * np.maximum(rows, 1) * np.maximum(cols, 1) / self.beside[mine]
@@ -65,7 +72,7 @@ class Spread:
         """The same where the jobs that are `parted` (N,) go by squares of the map, and as many more at the end are made once."""
         ones = np.ones(int(parted.sum()))
         goes = np.append(np.where(parted, int(GoesBy.SQUARE), self.goes), int(GoesBy.ONCE) * ones.astype(int))
-        return Spread(goes, *(np.append(values, ones) for values in (self.beside, self.rows, self.cols)))
+        return Spread(goes, *(np.append(values, ones) for values in (self.beside, self.rows, self.cols, self.follows)))
 
 
 def planned_with(loaded: LoadedWorkflow, tile: int, left_out: Sequence[str]) -> list[PlannedJob]:
@@ -78,9 +85,10 @@ def planned_with(loaded: LoadedWorkflow, tile: int, left_out: Sequence[str]) -> 
     return [planned for key, planned in session.graph.jobs.items() if key[0] not in left_out]
 
 
-def spread_of(planned: Sequence[PlannedJob], with_larger: Counter[Family], larger_places: set[Family]) -> Spread:
-    """That of the jobs of a plan, of which one with larger tiles has so many of a family, and of some several side by side."""
-    families = [family_of(one) for one in planned]
+def spread_of(planned: Sequence[PlannedJob], larger: Sequence[PlannedJob]) -> Spread:
+    """That of the jobs of a plan, of which another is known with tiles of LARGER times the side."""
+    families, with_larger = [family_of(one) for one in planned], Counter(map(family_of, larger))
+    larger_places = {family_of(one) for one in larger if one.job.row or one.job.col}
     counts, items = Counter(families), defaultdict(set)
     for one, family in zip(planned, families, strict=True):
         items[family].add(one.job.item)
@@ -90,15 +98,18 @@ def spread_of(planned: Sequence[PlannedJob], with_larger: Counter[Family], large
         else _goes_by(family, counts[family] <= with_larger[family], family in larger_places, len(items[family]))
         for one, family in zip(planned, families, strict=True)
     ]
-    groups = [(family, one.job.item) for one, family in zip(planned, families, strict=True)]
-    beside, extents = Counter(groups), _extents(planned, families, groups)
+    groups = [_group_of(one) for one in planned]
+    beside, extents = Counter(groups), _extents(planned)
     along = np.array([extents[group] for group in groups]).reshape(-1, 2)
-    return Spread(np.array(goes, int), np.array([beside[group] for group in groups]), along[:, 0], along[:, 1])
-
-
-def placed_side_by_side(planned: Sequence[PlannedJob]) -> set[Family]:
-    """Families with jobs of other rows and columns than the first."""
-    return {family_of(one) for one in planned if one.job.row or one.job.col}
+    sides, larger_sides = _level_sides(planned), _level_sides(larger)
+    follows = {group: min(larger_sides.get(group, LARGER * side) / (LARGER * side), 1.0) for group, side in sides.items()}
+    return Spread(
+        np.array(goes, int),
+        np.array([beside[group] for group in groups]),
+        along[:, 0],
+        along[:, 1],
+        np.array([follows.get(group, 1.0) for group in groups]),
+    )
 
 
 def _made_once(one: PlannedJob, of_family: int) -> bool:
@@ -115,22 +126,44 @@ def _goes_by(family: Family, as_many: bool, placed: bool, items: int) -> GoesBy:
     return GoesBy.TILE_OF_PHOTOGRAPH if items > 1 and family[1] not in OF_LEVELS else GoesBy.TILE_OF_MAP
 
 
-def _extents(planned: Sequence[PlannedJob], families: Sequence[Family], groups: Sequence) -> dict:
+def _extents(planned: Sequence[PlannedJob]) -> dict[Group, tuple[float, float]]:
     """(rows, cols) of tiles of each group, whole and parts of one: by the windows that it writes, or else by the number of its rows
     and columns, of which the last is half on average."""
     tile, ends, places = defaultdict(lambda: (1, 1)), defaultdict(lambda: (0, 0)), defaultdict(lambda: (1, 1))
-    for one, family, group in zip(planned, families, groups, strict=True):
+    for one in planned:
+        family, group = family_of(one), _group_of(one)
         places[group] = _most(places[group], (one.job.row + 1, one.job.col + 1))
-        for window in (
-            () if isinstance(one.job, Export) else [w.window for w in one.job.writes.values() if isinstance(w, Raster)][:1]
-        ):
-            tile[family] = _most(tile[family], (window.height, window.width))
+        for window in _window_of(one):
+            # A photograph may be smaller than a tile, which others show whole.
+            alike = group if family[1] in OF_LEVELS else family
+            tile[alike] = _most(tile[alike], (window.height, window.width))
             ends[group] = _most(ends[group], (window.row + window.height, window.col + window.width))
     found = {}
-    for family, group in zip(families, groups, strict=True):
+    for group in places:
         by_place = tuple(n if n == 1 else n - 0.5 for n in places[group])
-        found[group] = tuple(np.divide(ends[group], tile[family])) if group in ends else by_place
+        alike = group if group[0][1] in OF_LEVELS else group[0]
+        found[group] = tuple(np.divide(ends[group], tile[alike])) if group in ends else by_place
     return found
+
+
+def _level_sides(planned: Sequence[PlannedJob]) -> dict[Group, int]:
+    """The side of the tiles of each level, cells."""
+    found: dict[Group, int] = defaultdict(int)
+    for one in planned:
+        for window in _window_of(one):
+            if family_of(one)[1] in OF_LEVELS:
+                found[_group_of(one)] = max(found[_group_of(one)], window.height, window.width)
+    return found
+
+
+def _group_of(one: PlannedJob) -> Group:
+    return family_of(one), one.job.item
+
+
+def _window_of(one: PlannedJob) -> Iterator[Window]:
+    """That of the first raster that a job writes; none where it writes no raster."""
+    if not isinstance(one.job, Export):
+        yield from [region.window for region in one.job.writes.values() if isinstance(region, Raster)][:1]
 
 
 def _most(one: tuple[int, int], other: tuple[int, int]) -> tuple[int, int]:

@@ -1,6 +1,5 @@
 """The jobs of a finished run, and of a project that many blocks like it make up."""
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, sqrt
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.scale.job_counts import LARGER, GoesBy, Spread, placed_side_by_side, planned_with, spread_of
+from benchmarks.scale.job_counts import LARGER, GoesBy, Spread, planned_with, spread_of
 from benchmarks.scale.simulated_cluster import Jobs
 from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.graph import PlannedJob
@@ -125,7 +124,7 @@ def layout_of(project: str) -> Layout:
     photographs = len(session.store.table(PHOTOS).photos)
     tile = session.project.tile
     plans = {side: planned_with(loaded, side, LEFT_OUT) for side in (tile, 2 * tile, LARGER * tile)}
-    spread = spread_of(kept, Counter(map(family_of, plans[LARGER * tile])), placed_side_by_side(plans[LARGER * tile]))
+    spread = spread_of(kept, plans[LARGER * tile])
     counts = tuple((side, len(plan), round(spread.numbers(1.0, 1.0, side / tile).sum())) for side, plan in plans.items())
     layout = Layout(megapixels, photographs, tile, jobs, spread, stored / megapixels, growing, by_photograph, counts)
     parted = np.array([_goes_in_parts(planned) for planned in kept])
