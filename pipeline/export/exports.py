@@ -40,7 +40,7 @@ from orthomill.pipeline.export.geotiff.virtual_raster import write_virtual
 from orthomill.pipeline.export.vectors.geojson import write_geojson
 from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
-from orthomill.pipeline.export.vectors.map_features import Layer, line_features
+from orthomill.pipeline.export.vectors.map_features import Layer, TableLines
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.folder import PARTS, PRODUCTS
 from orthomill.pipeline.storage.depots.kept_at import depot_of
@@ -304,9 +304,9 @@ def _write_areas(export: Export, store: ReadableStore, path: Path) -> None:
 
 
 def _line_layer(export: Export, store: ReadableStore) -> Layer:
-    """The lines of the tables of an export, under the name of its file."""
-    tables = (_table_of(export, store, table, MapLines) for table in export.tables)
-    return Layer(Path(export.path).stem, "line", tuple(feature for table in tables for feature in line_features(table)))
+    """The lines of the tables of an export, under the name of its file; one table is in memory at a time."""
+    lines = TableLines(len(export.tables), lambda place: _table_of(export, store, export.tables[place], MapLines))
+    return Layer(Path(export.path).stem, "line", lines)
 
 
 def _place_of(export: Export, store: ReadableStore) -> RasterSpec:

@@ -62,24 +62,32 @@ def _add_system(base: sqlite3.Connection, system: CRS) -> int:
 
 def _add_layer(base: sqlite3.Connection, layer: Layer, system: int) -> None:
     code, geometry = _TYPES[layer.kind]
-    names = layer.columns
-    columns = "".join(f', "{name}" {_column_type(layer, name)}' for name in names)
+    kinds, extent = _looked_through(layer.features)
+    columns = "".join(f', "{name}" {_COLUMN[kind or str]}' for name, kind in kinds.items())
     base.execute(f'CREATE TABLE "{layer.name}" (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {geometry}{columns})')
-    extent = _extent(np.concatenate([f.places for f in layer.features])) if layer.features else (None,) * 4
     base.execute(
         "INSERT INTO gpkg_contents VALUES (?, 'features', ?, '', ?, ?, ?, ?, ?, ?)",
         (layer.name, layer.name, _NO_DATE, *extent, system),
     )
     base.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)", (layer.name, geometry, system))
-    named = "".join(f', "{name}"' for name in names)
-    wanted = ", ?" * len(names)
-    rows = ((_blob(f, code, system), *(f.attributes[name] for name in names)) for f in layer.features)
+    named = "".join(f', "{name}"' for name in kinds)
+    wanted = ", ?" * len(kinds)
+    rows = ((_blob(f, code, system), *(f.attributes[name] for name in kinds)) for f in layer.features)
     base.executemany(f'INSERT INTO "{layer.name}" (geom{named}) VALUES (?{wanted})', rows)  # noqa: S608  names of our own layers
 
 
-def _column_type(layer: Layer, name: str) -> str:
-    known = next((f.attributes[name] for f in layer.features if f.attributes[name] is not None), "")
-    return _COLUMN[type(known)]
+def _looked_through(features: Iterable[Feature]) -> tuple[dict[str, type | None], tuple[float | None, ...]]:
+    """What the head of a layer says of its features: their attributes, each with the type of its first value (None where there is
+    no value), and west, south, east and north of all (None without features)."""
+    kinds: dict[str, type | None] = {}
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for feature in features:
+        for name, value in feature.attributes.items():
+            if kinds.get(name) is None:
+                kinds[name] = None if value is None else type(value)
+        west, south, east, north = _extent(feature.places)
+        low, high = np.minimum(low, (west, south)), np.maximum(high, (east, north))
+    return kinds, (*low.tolist(), *high.tolist()) if np.isfinite(low).all() else (None,) * 4
 
 
 def _extent(places: np.ndarray) -> tuple[float, float, float, float]:

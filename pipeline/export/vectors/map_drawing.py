@@ -29,13 +29,10 @@ def write_drawing(path: Path, layers: tuple[Layer, ...]) -> None:
 
 
 def _blocks(layers: tuple[Layer, ...]) -> Iterator[str]:
-    """The file in pieces, none longer than a line of the map."""
-    features = [feature for layer in layers for feature in layer.features]
-    places = np.concatenate([f.places for f in features]) if features else np.zeros((1, 3))
-    low, high = places.min(axis=0), places.max(axis=0)
+    """The file in pieces, none longer than a line of the map, of which one is in memory at a time."""
+    low, high, used = _looked_through(feature for layer in layers for feature in layer.features)
     yield _text_of(_header(low, high))
-    texts = {(_text_layer(f), False) for f in features if f.text}
-    yield _text_of(_tables(texts | {(f.layer, f.dashed) for f in features}, float(np.abs(high[:2] - low[:2]).max())))
+    yield _text_of(_tables(used, float(np.abs(high[:2] - low[:2]).max())))
     size = max(_TEXT_HEIGHT * float((high[:2] - low[:2]).max()), 0.01)
     yield _text_of([(0, "SECTION"), (2, "ENTITIES")])
     for layer in layers:
@@ -44,6 +41,15 @@ def _blocks(layers: tuple[Layer, ...]) -> Iterator[str]:
             if feature.text:
                 yield _text_of(_label(feature, size))
     yield _text_of([(0, "ENDSEC"), (0, "EOF")])
+
+
+def _looked_through(features: Iterable[Feature]) -> tuple[np.ndarray, np.ndarray, set[tuple[str, bool]]]:
+    """What the head of the file says of the features: the least and the greatest X, Y, Z, and the layers with their line types."""
+    low, high, used = np.full(3, np.inf), np.full(3, -np.inf), set[tuple[str, bool]]()
+    for feature in features:
+        low, high = np.minimum(low, feature.places.min(axis=0)), np.maximum(high, feature.places.max(axis=0))
+        used |= {(feature.layer, feature.dashed), *([(_text_layer(feature), False)] if feature.text else ())}
+    return (low, high, used) if used else (np.zeros(3), np.zeros(3), used)
 
 
 def _text_of(pairs: Iterable[tuple[int, str]]) -> str:

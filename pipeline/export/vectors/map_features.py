@@ -1,6 +1,6 @@
 """Features on the map, as every format of vectors takes them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
@@ -32,12 +32,20 @@ class Layer:
 
     name: str
     kind: Kind
-    features: tuple[Feature, ...]
+    features: Iterable[Feature]
+    """gone through several times: those of a large map are read anew each time"""
 
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the attributes, in their order."""
-        return tuple(self.features[0].attributes) if self.features else ()
+
+@dataclass(frozen=True)
+class TableLines:
+    """The lines of many tables, of which one is in memory at a time: `read` gives that of a place in their order."""
+
+    number: int
+    read: Callable[[int], MapLines]
+
+    def __iter__(self) -> Iterator[Feature]:
+        for place in range(self.number):
+            yield from line_features(self.read(place))
 
 
 def line_features(table: MapLines) -> Iterator[Feature]:

@@ -2,6 +2,8 @@
 
 import json
 import sqlite3
+import tracemalloc
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -132,6 +134,45 @@ def test_areas_of_codes_are_polygons_with_holes_and_names(tmp_path):
     found = dict(zip(meta["fields"], columns, strict=True))
     assert found["photograph"].tolist() == ["a.jpg", "b.jpg"] and found["area_m2"].tolist() == [400.0, 100.0]
     assert meta["crs"] == "EPSG:2100" and int.from_bytes(geometry[0][5:9], "little") == 2, "an outline and a hole"
+
+
+def many_lines(lines: int, vertices: int) -> ContourLines:
+    count = lines * vertices
+    line = np.repeat(np.arange(lines), vertices)
+    x, y, flat = np.arange(count) * 0.5, np.sin(np.arange(count)) * 9.0, np.zeros(count, bool)
+    drawing = {"layer": np.full(count, "CONTOUR"), "dashed": flat, "text": np.full(count, "")}
+    return ContourLines(
+        line=line, x=x, y=y, z=x, **drawing, height=np.full(count, 1.0), index=flat, measured=~flat, sigma=np.full(count, 0.1)
+    )
+
+
+def written_from(folder, kind: str, tables: dict[str, ContourLines]) -> tuple[bytes, int]:
+    """A file of lines, and the most memory that it took, of tables that are made when they are read."""
+    spec = map_raster("terrain/height", MapGrid(west=0.0, north=9.0, cell=1.0, rows=9, cols=9), "float32", "EPSG:2100", 9)
+    made = {name: Table(name, ContourLines) for name in tables}
+    store = SimpleNamespace(spec=lambda _: spec, table=lambda table: replace(tables[table.path]))
+    job = Export("terrain", "lines", f"lines.{kind}", kind, {"place": spec.name}, tuple(made.values()))
+    folder.mkdir()
+    tracemalloc.start()
+    export(job, store, folder)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return (folder / f"lines.{kind}").read_bytes(), most
+
+
+@pytest.mark.parametrize("kind", ["gpkg", "dxf", "geojson"])
+def test_lines_of_many_sheets_take_the_memory_of_one_and_are_those_of_a_single_table(tmp_path, kind):
+    sheet, empty = many_lines(30, 400), many_lines(0, 1)
+    # While a sheet is read the last line of the one before is still there, with all that its places lie in.
+    of_two, of_many = (written_from(tmp_path / f"{n}", kind, {str(i): sheet for i in range(n)})[1] for n in (2, 12))
+    assert of_many < 1.1 * of_two
+    few, _ = written_from(tmp_path / "few", kind, {"0": sheet, "1": empty})
+    alone, _ = written_from(tmp_path / "alone", kind, {"0": sheet})
+    twice = {"0": contours(), "1": contours()}
+    both = {f.name: np.concatenate([getattr(contours(), f.name)] * 2) for f in fields(ContourLines)}
+    both["line"] = np.array([0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3])
+    assert few == alone
+    assert written_from(tmp_path / "a", kind, twice)[0] == written_from(tmp_path / "b", kind, {"0": ContourLines(**both)})[0]
 
 
 def test_lines_that_were_stored_are_written_like_new_ones(tmp_path):
