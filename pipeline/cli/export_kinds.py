@@ -9,13 +9,14 @@ import sqlite3
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Protocol
 
 from orthomill.pipeline.export.conversions.wanted import Wanted
 from orthomill.pipeline.export.export_formats import BY_NAME, ExportFormat
-from orthomill.pipeline.storage.depots.kept_at import bring_products
-from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, SHEETS, product_file, product_files
+from orthomill.pipeline.storage.depots.folder import PRODUCTS
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
+from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, SHEETS
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import OrthomillError, ResourceError, StoreError, WorkflowError
 
@@ -91,19 +92,22 @@ def _product(asked: Asked, form: ExportFormat, folder: Path) -> Path | None:
     if usual is None:
         return None
     names = (asked.product,) if asked.product else usual
-    bring_products(folder)
-    files = _clouds(folder / "products") if form.group == "points" else product_files(folder)
+    products = KeptProducts(folder)
+    files = _clouds(products.names) if form.group == "points" else products.rasters
     found = next((files[name] for name in names if name in files), None)
     if found is None:
         known = f"--of is one of {', '.join(sorted(files))}" if files else f"run it first: orthomill run {folder.name}"
         raise StoreError(f"{folder.name} has no product {' or '.join(names)}; {known}.")
-    return found
+    return products.brought(found)
 
 
-def _clouds(products: Path) -> dict[str, Path]:
-    files = {path.stem: path for path in sorted(products.glob("*.laz"))}
+def _clouds(names: tuple[str, ...]) -> dict[str, str]:
+    """Point clouds by what people call them, of the names of all products."""
+    clouds = [PurePosixPath(name) for name in names if name.endswith(".laz")]
+    files = {path.stem: str(path) for path in clouds if path.parent.name == PRODUCTS}
     # The points of a large surface are a folder of files.
-    return files | ({"points": products / "points"} if any((products / "points").glob("*.laz")) else {})
+    folder = f"{PRODUCTS}/points"
+    return files | ({"points": folder} if any(str(path.parent) == folder for path in clouds) else {})
 
 
 def _written_whole(path: Path, write: Callable[[Path], None]) -> None:
@@ -161,7 +165,7 @@ def _write_solid(form: ExportFormat, product: Path, path: Path, wanted: Wanted, 
     from orthomill.pipeline.export.solids.height_tiles import height_tiles
     from orthomill.pipeline.export.solids.relief_model import write_glb, write_tileset
 
-    picture = product_file(product.parent.parent, "ortho")
+    picture = KeptProducts(product.parent.parent).raster("ortho")
     if picture is None:
         raise StoreError(f"{product.parent.parent.name} has no orthoimage to lay on {product.name}.")
     assert methods is not None

@@ -16,8 +16,8 @@ from orthomill.pipeline.report.present_reports import present_reports
 from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.signing.signature import SIGNATURE, keep, sign
 from orthomill.pipeline.signing.signing_key import default_key_path, new_key, read_key
-from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, signed_paths
-from orthomill.pipeline.storage.depots.kept_at import bring_products
+from orthomill.pipeline.signing.statement import Signer, Statement, digest_of, digest_of_blocks, signed_paths
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 from orthomill.pipeline.storage.store import Store
 from orthomill.pipeline.workflow.workflow_checks import named_inputs
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
@@ -65,13 +65,13 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
     _refuse_newer(loaded, facts)
     with only_run(folder):
         _refuse_damaged(folder, loaded.project.project)
-        bring_products(folder)
         if not person.agrees(page):
             return None
         own = _key(key, person)
         # The page is signed as it is without a signature; the new one takes the place of an earlier one.
         (folder / SIGNATURE).unlink(missing_ok=True)
         rewrite_page(Store(folder), folder, titles_of(loaded.stages), facts)
+        products = KeptProducts(folder)
         statement = Statement(
             project=loaded.project.project,
             orthomill=facts.version,
@@ -81,7 +81,7 @@ def sign_project(loaded: LoadedWorkflow, signer: Signer, key: Path | None, perso
             answers=dict(page.answers),
             warnings=tuple(caution.sentence for caution in page.cautions),
             classes=page.classes,
-            files={path: digest_of(folder / path) for path in signed_paths(folder)},
+            files={path: digest_of_blocks(products.blocks(path)) for path in signed_paths(folder)},
             inputs={path: digest_of(loaded.root / path) for path in named_inputs(loaded.project)},
         )
         path = keep(sign(statement, own), folder)

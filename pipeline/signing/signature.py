@@ -13,7 +13,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from orthomill.pipeline.signing.signing_key import fingerprint, public_bytes
-from orthomill.pipeline.signing.statement import ACCEPTED, REPORT, SignedFile, Statement, digest_of, signed_paths
+from orthomill.pipeline.signing.statement import ACCEPTED, REPORT, SignedFile, Statement, digest_of, digest_of_blocks, signed_paths
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import StoreError
 
@@ -96,7 +97,8 @@ def check_signature(folder: Path, page: Page | None) -> SignatureCheck | None:
     if signature is None:
         return None
     present, signed = set(signed_paths(folder)), signature.statement.files
-    changed = tuple(path for path in sorted(present & set(signed)) if _has_changed(folder, path, signature, page))
+    products = KeptProducts(folder)
+    changed = tuple(path for path in sorted(present & set(signed)) if _has_changed(folder, products, path, signature, page))
     missing, added = sorted(set(signed) - present), sorted(present - set(signed) - {REPORT, *ACCEPTED})
     if page is None:
         missing = [path for path in missing if path != REPORT]
@@ -105,7 +107,7 @@ def check_signature(folder: Path, page: Page | None) -> SignatureCheck | None:
     return SignatureCheck(signature, changed, tuple(missing), tuple(added), inputs)
 
 
-def _has_changed(folder: Path, path: str, signature: SignedStatement, page: Page | None) -> bool:
+def _has_changed(folder: Path, products: KeptProducts, path: str, signature: SignedStatement, page: Page | None) -> bool:
     if path != REPORT:
-        return digest_of(folder / path) != signature.statement.files[path]
+        return digest_of_blocks(products.blocks(path)) != signature.statement.files[path]
     return page is not None and page(folder / path, signature) != signature.statement.files[path]

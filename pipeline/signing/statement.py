@@ -2,23 +2,24 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
+
+from orthomill.pipeline.storage.depots.folder import blocks_of
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 
 FORMAT = 3
 """version of the statement; 1 said nothing of classes, 2 nothing of inputs"""
 _SINCE = {"classes": 2, "inputs": 3}
 """fields that statements of earlier formats were signed without"""
-PRODUCTS = "products"
 OTHERS = ("summary.json", "workflow.yaml")
 """files of a run that are signed beside the products"""
 REPORT = "report.html"
 """signed as it is without the signature that it shows"""
 ACCEPTED = ("acceptance.json", "acceptance.html")
 """signed where they are there; a delivery may also be accepted after it was signed"""
-_PIECE = 2**22  # bytes that are read at a time
 
 
 class SignedFile(BaseModel):
@@ -76,9 +77,8 @@ class Statement(BaseModel):
 
 def signed_paths(folder: Path) -> Iterator[str]:
     """The files of a run that a signature covers, in order of name, relative to its folder."""
-    products = (path for path in (folder / PRODUCTS).rglob("*") if path.is_file())
-    others = (folder / name for name in (*OTHERS, *ACCEPTED, REPORT) if (folder / name).is_file())
-    yield from sorted(path.relative_to(folder).as_posix() for path in (*products, *others))
+    others = (name for name in (*OTHERS, *ACCEPTED, REPORT) if (folder / name).is_file())
+    yield from sorted((*KeptProducts(folder).names, *others))
 
 
 def digest_of_bytes(content: bytes) -> SignedFile:
@@ -88,9 +88,13 @@ def digest_of_bytes(content: bytes) -> SignedFile:
 
 def digest_of(path: Path) -> SignedFile:
     """Size and digest of a file. Raises OSError."""
+    return digest_of_blocks(blocks_of(path))
+
+
+def digest_of_blocks(blocks: Iterable[bytes]) -> SignedFile:
+    """Size and digest of content that comes in pieces."""
     found, size = hashlib.sha256(), 0
-    with path.open("rb") as stream:
-        while piece := stream.read(_PIECE):
-            found.update(piece)
-            size += len(piece)
+    for block in blocks:
+        found.update(block)
+        size += len(block)
     return SignedFile(size=size, sha256=found.hexdigest())

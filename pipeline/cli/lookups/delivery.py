@@ -17,8 +17,8 @@ from orthomill.pipeline.records.lock import only_run
 from orthomill.pipeline.report.results import rewrite_page
 from orthomill.pipeline.storage.delivered_ortho import covered_share, gaps_of, orthoimage_facts
 from orthomill.pipeline.storage.depots.folder import PRODUCTS
-from orthomill.pipeline.storage.depots.kept_at import bring_products
-from orthomill.pipeline.storage.depots.product_files import as_they_lie, product_file
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
+from orthomill.pipeline.storage.depots.product_files import as_they_lie
 from orthomill.pipeline.storage.height_files import check_height_file, plan_crs_of, read_height_grid, read_heights
 from orthomill.pipeline.storage.height_systems import FEET
 from orthomill.pipeline.storage.map_files import opened_map, read_map, read_map_grid
@@ -121,9 +121,8 @@ def _profile(what: str, given: object) -> AcceptanceLimits:
 
 def facts_of_run(folder: Path, crs: str, area: Path | None = None) -> DeliveryFacts:
     """What a finished run delivers; area: the polygons that were ordered."""
-    bring_products(folder)
-    store = Store(folder)
-    dsm, ortho = (product_file(folder, name) for name in ("dsm", "ortho"))
+    store, products = Store(folder), KeptProducts(folder)
+    dsm, ortho = (products.raster(name) for name in ("dsm", "ortho"))
     delivered = Delivered(dsm, ortho, None)
     first, last = _days(store)
     run = read_facts(folder)

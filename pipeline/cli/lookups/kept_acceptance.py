@@ -3,13 +3,14 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from orthomill import __version__
 from orthomill.pipeline.cli.lookups.delivery import facts_of_run, profile_from, show_acceptance
 from orthomill.pipeline.report.acceptance_page import acceptance_json, acceptance_page
 from orthomill.pipeline.report.accepted_part import ACCEPTANCE, read_acceptance
-from orthomill.pipeline.signing.statement import PRODUCTS, digest_of
+from orthomill.pipeline.signing.statement import SignedFile, digest_of, digest_of_blocks
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.workflow.workflow_checks import named_inputs
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
@@ -48,9 +49,18 @@ def known_digests(folder: Path) -> KnownDigests:
     return KnownDigests({file.path: file for file in kept.record.files}, (folder / ACCEPTANCE).stat().st_mtime_ns)
 
 
-def digested(named: Iterable[tuple[str, Path]], known: KnownDigests = NOTHING_KNOWN) -> tuple[AcceptedFile, ...]:
+def digested(named: Iterable[tuple[str, Path]]) -> tuple[AcceptedFile, ...]:
     """Files by the names that they are given, those of folders one by one. Raises OSError."""
-    return tuple(_digested(named, known))
+    return tuple(_as_accepted(name, digest_of(path)) for place in named for name, path in _inside(*place))
+
+
+def _inside(name: str, path: Path) -> Iterator[tuple[str, Path]]:
+    """A file, or all files of a folder."""
+    if not path.is_dir():
+        yield name, path
+        return
+    for file in sorted(file for file in path.rglob("*") if file.is_file()):
+        yield f"{name}/{file.relative_to(path).as_posix()}", file
 
 
 def by_name(paths: Iterable[Path | None]) -> Iterator[tuple[str, Path]]:
@@ -58,9 +68,12 @@ def by_name(paths: Iterable[Path | None]) -> Iterator[tuple[str, Path]]:
     yield from ((path.name, path) for path in paths if path is not None)
 
 
-def of_run(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
-    """The products of a run."""
-    yield PRODUCTS, loaded.run_folder / PRODUCTS
+def products_of_run(folder: Path) -> Iterator[AcceptedFile]:
+    """The products of a run, each read where it is kept. Raises OSError, StoreError."""
+    products, known = KeptProducts(folder), known_digests(folder)
+    for name in sorted(products.names, key=lambda name: PurePosixPath(name).parts):
+        path = products.here(name)
+        yield (known.of(name, path) if path else None) or _as_accepted(name, digest_of_blocks(products.blocks(name)))
 
 
 def inputs_of(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
@@ -68,16 +81,7 @@ def inputs_of(loaded: LoadedWorkflow) -> Iterator[tuple[str, Path]]:
     yield from ((path, loaded.root / path) for path in named_inputs(loaded.project))
 
 
-def _digested(named: Iterable[tuple[str, Path]], known: KnownDigests) -> Iterator[AcceptedFile]:
-    for name, path in named:
-        inside = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
-        for file in inside:
-            called = name if file == path else f"{name}/{file.relative_to(path).as_posix()}"
-            yield known.of(called, file) or _digest(called, file)
-
-
-def _digest(name: str, path: Path) -> AcceptedFile:
-    found = digest_of(path)
+def _as_accepted(name: str, found: SignedFile) -> AcceptedFile:
     return AcceptedFile(path=name, size=found.size, sha256=found.sha256)
 
 
@@ -124,7 +128,7 @@ def accept_run(loaded: LoadedWorkflow, limits: AcceptanceLimits, accept: Accept)
     """Hold a finished run against a profile, and keep that with its report. Raises StoreError, WorkflowError."""
     facts = facts_of_run(loaded.run_folder, loaded.project.crs, area_of(limits, loaded.root))
     result = accept(limits, facts, loaded.project.project)
-    products = digested(of_run(loaded), known_digests(loaded.run_folder))
+    products = tuple(products_of_run(loaded.run_folder))
     return keep(loaded, recorded(result, limits, facts, products, digested(inputs_of(loaded))))
 
 
@@ -165,11 +169,11 @@ def _differences(loaded: LoadedWorkflow, kept: AcceptanceResult, record: Accepta
     page = folder / PAGE
     if page.is_file() and page.read_bytes() != acceptance_page(kept).encode():
         yield f"{PAGE} does not follow from {ACCEPTANCE}: one of them was changed, or is of another version"
+    products = KeptProducts(folder)
     for file in record.files:
-        path = folder / file.path
-        if not path.is_file():
+        if file.path not in products.names:
             yield f"{file.path} is missing, which {ACCEPTANCE} names"
-        elif digest_of(path).sha256 != file.sha256:
+        elif digest_of_blocks(products.blocks(file.path)).sha256 != file.sha256:
             yield f"{file.path} is not the file that {ACCEPTANCE} names"
     try:
         yield from _of_clauses(loaded, kept, record, accept)

@@ -16,7 +16,7 @@ def unjudged(loaded: LoadedWorkflow, until: str | None) -> str:
         )
     if address := noted(loaded.run_folder):
         return (
-            f"Acceptance by {profile} was not judged: the products are kept in {address} and would all be fetched for that; "
+            f"Acceptance by {profile} was not judged: the products are kept in {address} and would all be read for that; "
             f"where this is meant: orthomill accept {name}."
         )
     return ""

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,8 +10,8 @@ import numpy as np
 import rasterio
 from pyproj import CRS
 
-from orthomill.pipeline.storage.depots.folder import PRODUCTS
-from orthomill.pipeline.storage.depots.kept_at import bring_products
+from orthomill.pipeline.storage.depots.folder import PRODUCTS, blocks_of
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 from orthomill.pipeline.storage.depots.product_files import JOINED, WHOLE, as_they_lie, sheet_folder
 from orthomill.pipeline.storage.features.outline_files import Outline, moved
 from orthomill.pipeline.storage.store import Store
@@ -35,8 +35,6 @@ MEDIA = {
     ".yaml": "application/yaml",
     ".txt": "text/plain",
 }
-_PIECE = 2**22
-"""bytes that are read at a time"""
 
 
 @dataclass(frozen=True)
@@ -106,12 +104,11 @@ class DeliveredRun:
 
 def delivered_run(folder: Path, record: RunRecord) -> DeliveredRun:
     """Reads a run's folder, all of its products for their digests. Raises StoreError before there is a product on the map."""
-    bring_products(folder)
     store = Store(folder)
     kinds = [kind for kind, _, _ in record.stages]
     made = store.file_names(PRODUCTS)
     reports = {kind: as_they_lie(store.table(table), made) for kind in kinds if store.has_table(table := report_table(kind))}
-    files = tuple(_files(folder / "products", reports))
+    files = tuple(_files(KeptProducts(folder), reports))
     maps = {one.name.rpartition(".")[0]: one.map for one in files if one.map}
     shown = maps.get("ortho") or maps.get("dsm") or next(iter(maps.values()), None)
     if shown is None or not store.has_table(PHOTOS):
@@ -134,27 +131,32 @@ def _figures(reports: dict[str, StageReport]) -> Iterator[tuple[str, float]]:
                 yield f"{kind}.{figure.name}", float(figure.value)
 
 
-def _files(folder: Path, reports: dict[str, StageReport]) -> Iterator[DeliveredFile]:
+def _files(products: KeptProducts, reports: dict[str, StageReport]) -> Iterator[DeliveredFile]:
     made = {product.path: (kind, product.purpose) for kind, one in reports.items() for product in one.products}
-    for path in sorted(folder.iterdir()):
+    for name in products.names:
+        folder, _, file = name.rpartition("/")
         # Folders hold tiles and files of other programs; catalogues list what a client opens.
-        if path.is_file() and not path.name.startswith("."):
-            stage, purpose = made.get(f"products/{path.name}", ("", ""))
-            yield _file(path, path.name, purpose, stage)
-            for sheet in sorted((folder / sheet_folder(path.name)).glob(f"*{WHOLE}")) if path.suffix == JOINED else ():
-                yield _file(sheet, f"{sheet.parent.name}/{sheet.name}", f"Sheet of {path.name}", stage)
+        if folder == PRODUCTS and not file.startswith("."):
+            stage, purpose = made.get(name, ("", ""))
+            yield _file(products, name, purpose, stage)
+            for sheet in products.names if name.endswith(JOINED) else ():
+                if sheet.startswith(f"{sheet_folder(name)}/") and sheet.endswith(WHOLE):
+                    yield _file(products, sheet, f"Sheet of {file}", stage)
 
 
-def _file(path: Path, name: str, purpose: str, stage: str) -> DeliveredFile:
-    facts = _map_facts(path) if path.suffix in (WHOLE, JOINED) else None
-    return DeliveredFile(name, path.stat().st_size, _digest(path), purpose, stage, facts)
+def _file(products: KeptProducts, name: str, purpose: str, stage: str) -> DeliveredFile:
+    called = name.removeprefix(f"{PRODUCTS}/")
+    if not name.endswith((WHOLE, JOINED)):
+        return DeliveredFile(called, products.size(name), _digest(products.blocks(name)), purpose, stage)
+    # A raster is opened for its place on the map; of one that joins sheets that takes none of these.
+    with products.opened(name) as path:
+        return DeliveredFile(called, path.stat().st_size, _digest(blocks_of(path)), purpose, stage, _map_facts(path))
 
 
-def _digest(path: Path) -> str:
+def _digest(blocks: Iterable[bytes]) -> str:
     digest = hashlib.sha256()
-    with path.open("rb") as source:
-        while piece := source.read(_PIECE):
-            digest.update(piece)
+    for block in blocks:
+        digest.update(block)
     return digest.hexdigest()
 
 

@@ -75,6 +75,13 @@ class Bucket:
         with self._explained():
             return repeated(lambda: bytes(obstore.get(self.store, name, options=options).bytes()))
 
+    def blocks(self, name: str) -> Iterator[bytes]:
+        import obstore
+
+        with self._explained():
+            for block in obstore.get(self.store, name).stream():
+                yield bytes(block)
+
     def put(self, name: str, content: bytes) -> KeptFile:
         import obstore
 
@@ -209,10 +216,8 @@ class Bucket:
 
     def fetch(self, name: str, path: Path) -> None:
         """Copy an object to a file. Raises FileNotFoundError, OSError, StoreError."""
-        import obstore
-
-        with self._explained(), path.open("wb") as target:
-            for block in obstore.get(self.store, name).stream():
+        with path.open("wb") as target:
+            for block in self.blocks(name):
                 target.write(block)
 
     @contextmanager

@@ -56,6 +56,9 @@ class Depot(Protocol):
     def get(self, name: str, start: int = 0) -> bytes:
         """A file's content from a byte on. Raises FileNotFoundError, OSError."""
 
+    def blocks(self, name: str) -> Iterator[bytes]:
+        """A file's content in pieces. Raises FileNotFoundError, OSError."""
+
     def put(self, name: str, content: bytes) -> KeptFile:
         """Write a file whole. Raises OSError."""
 

@@ -57,6 +57,9 @@ class Folder:
                 stream.seek(start)
             return stream.read()
 
+    def blocks(self, name: str) -> Iterator[bytes]:
+        return blocks_of(self.path / name)
+
     def put(self, name: str, content: bytes) -> KeptFile:
         path = f"{self.address}/{name}"
         with replacing(Path(path)) as stream:
@@ -138,7 +141,13 @@ class Folder:
 def checksum_of(path: Path) -> int:
     """CRC-32 of a file's content. Raises OSError."""
     checksum = 0
+    for block in blocks_of(path):
+        checksum = zlib.crc32(block, checksum)
+    return checksum
+
+
+def blocks_of(path: Path) -> Iterator[bytes]:
+    """A file's content in pieces. Raises OSError."""
     with path.open("rb") as stream:
         while block := stream.read(_BLOCK):
-            checksum = zlib.crc32(block, checksum)
-    return checksum
+            yield block

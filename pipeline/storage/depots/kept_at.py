@@ -3,13 +3,11 @@
 The note is written by `orthomill run --store` and holds an address, no keys; by it every later command finds the results.
 """
 
-import shutil
 from pathlib import Path
 
 from orthomill.pipeline.storage.depots.depot import Depot
-from orthomill.pipeline.storage.depots.folder import PRODUCTS, Folder
-from orthomill.pipeline.storage.depots.product_files import JOINED, WHOLE, other_form
-from orthomill.pipeline.storage.whole_files import replacing, write_whole
+from orthomill.pipeline.storage.depots.folder import Folder
+from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.errors import WorkflowError
 
 NOTE = "store.txt"
@@ -63,17 +61,3 @@ def send_pages(folder: Path) -> None:
         path for part in (folder, folder / "jobs") for path in part.glob("[!.]*") if path.is_file() and path.name != NOTE
     ):
         depot.send(path, path.relative_to(folder).as_posix())
-
-
-def bring_products(folder: Path) -> None:
-    """Copy the products that are kept elsewhere into a run's folder, for commands that open them. Raises OSError, StoreError."""
-    depot = depot_of(folder)
-    if isinstance(depot, Folder):
-        return
-    names = set(depot.names(PRODUCTS))
-    for name in sorted(names):
-        with depot.local(name) as copy, replacing(folder / name) as target, copy.open("rb") as source:
-            shutil.copyfileobj(source, target)
-        # A copy of what the product was before, in sheets or not, would be taken for it.
-        if name.endswith((WHOLE, JOINED)) and (before := other_form(name)) not in names:
-            (folder / before).unlink(missing_ok=True)

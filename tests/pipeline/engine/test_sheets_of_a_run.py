@@ -17,7 +17,8 @@ from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session, Unwatched
 from orthomill.pipeline.export.exports import export
 from orthomill.pipeline.records.verification import verify
-from orthomill.pipeline.storage.depots.kept_at import bring_products, depot_of, keep_in
+from orthomill.pipeline.storage.depots.kept_at import depot_of, keep_in
+from orthomill.pipeline.storage.depots.kept_products import KeptProducts
 from orthomill.pipeline.storage.depots.product_files import product_file
 from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.job import Job, MapHeader, Table
@@ -168,14 +169,16 @@ def test_an_object_store_holds_the_same_files_and_its_copies_keep_one_form(once,
     depot = depot_of(folder)
     assert {name: depot.get(name) for name in depot.names("products")} == once[1]
     assert not run(tmp_path)[0].done and not verify(folder).damaged
-    bring_products(folder)
+    assert KeptProducts(folder).names == tuple(sorted(once[1]))
+    KeptProducts(folder).raster("z")
     assert files(tmp_path) == once[1] and product_file(folder, "z") == folder / "products/z.vrt"
     assert "products/z.tif in place of products/z.vrt" in run(tmp_path, above=40.0)[1]
     assert list(depot.names("products")) == ["products/z.tif"]
-    bring_products(folder)
-    assert product_file(folder, "z") == folder / "products/z.tif"
+    assert KeptProducts(folder).names == ("products/z.tif",)
+    assert KeptProducts(folder).raster("z") == product_file(folder, "z") == folder / "products/z.tif"
     run(tmp_path)
-    bring_products(folder)
+    assert KeptProducts(folder).names == tuple(sorted(once[1]))
+    KeptProducts(folder).raster("z")
     assert product_file(folder, "z") == folder / "products/z.vrt"
 
 

@@ -14,7 +14,15 @@ from village_pair import block_of, normal_case
 from orthomill.finished_project import FinishedProject
 from orthomill.pipeline.cli.lookups.covariance_table import covariance_table
 from orthomill.pipeline.cli.lookups.delivery import Delivered, acceptance_lines, facts_of_files, facts_of_run, profile_of
-from orthomill.pipeline.cli.lookups.kept_acceptance import as_kept, by_name, digested, known_digests, reaccepted, recorded, written
+from orthomill.pipeline.cli.lookups.kept_acceptance import (
+    as_kept,
+    by_name,
+    digested,
+    products_of_run,
+    reaccepted,
+    recorded,
+    written,
+)
 from orthomill.pipeline.cli.lookups.measured_answers import MeasureOptions, answer_lines, measured_answers
 from orthomill.pipeline.report.acceptance_page import acceptance_page
 from orthomill.pipeline.storage.store import Store
@@ -193,18 +201,18 @@ def test_an_acceptance_that_says_the_same_keeps_its_date(kept):
 
 
 def test_a_digest_is_taken_over_where_the_file_was_not_touched_since(kept):
-    named, other = [("products", kept / "products")], "0" * 64
+    other = "0" * 64
     path = kept / "acceptance.json"
-    path.write_text(path.read_text().replace(digested(named)[0].sha256, other))
-    assert [file.sha256 for file in digested(named, known_digests(kept))] == [other]
+    path.write_text(path.read_text().replace(digested([("products", kept / "products")])[0].sha256, other))
+    assert [file.sha256 for file in products_of_run(kept)] == [other]
     # Another content of the same size and with the old time.
     product = kept / "products" / "points.laz"
     times = product.stat().st_atime_ns, product.stat().st_mtime_ns
     product.write_bytes(b"hights!")
     os.utime(product, ns=times)
-    assert digested(named, known_digests(kept)) == digested(named)
+    assert tuple(products_of_run(kept)) == digested([("products", kept / "products")])
     path.unlink()
-    assert digested(named, known_digests(kept)) == digested(named)
+    assert tuple(products_of_run(kept)) == digested([("products", kept / "products")])
 
 
 def test_files_are_named_as_they_are_given(tmp_path):
