@@ -33,7 +33,7 @@ from benchmarks.trust.session_on_cluster import run_session
 from orthomill.pipeline.engine.dask_cluster import remote_client
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session, Unwatched
-from orthomill.pipeline.records.records import Records
+from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.storage.depots.bucket import bucket_of
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import keep_in
@@ -180,13 +180,15 @@ class Office:
 
 @dataclass(frozen=True)
 class Ending:
-    """How the command ended, s after it began; the s of work that its jobs asked for, and the s that they took as they were done at
-    last, reading and writing included; results of a run alone, and those that are others in the store."""
+    """How the command ended, s after it began; the s of work that its jobs asked for, the s that they took as they were done at
+    last, reading and writing included, and the s between two jobs of a worker; results of a run alone, and those that are others in
+    the store."""
 
     code: int
     seconds: float
     work: float
     in_jobs: float
+    between: float
     results: int
     differing: int
 
@@ -226,8 +228,16 @@ def run(folder: Path, across: int, workers: int, seconds: float) -> tuple[Machin
     store = bucket_of(f"{STORE}/{PROJECT.project}")
     expected, found = kept(Folder(folder / "alone/runs" / PROJECT.project)), kept(store)
     differing = sum(found.get(name) != digest for name, digest in expected.items()) + len(set(found) - set(expected))
-    in_jobs = sum(record.seconds for record in Records(store).sort_out()[0])
-    return machines, Ending(code, clock, WorkStage(across=across).seconds(), in_jobs, len(expected), differing)
+    records = Records(store).sort_out()[0]
+    in_jobs, between = sum(record.seconds for record in records), _between(records)
+    return machines, Ending(code, clock, WorkStage(across=across).seconds(), in_jobs, between, len(expected), differing)
+
+
+def _between(records: tuple[Record, ...]) -> float:
+    """Seconds from the end of a job to the beginning of the next one of the same worker."""
+    ordered = sorted(records, key=lambda record: (record.worker, record.started))
+    pairs = zip(ordered, ordered[1:], strict=False)
+    return sum(after.started - before.started - before.seconds for before, after in pairs if before.worker == after.worker)
 
 
 @contextmanager
@@ -252,9 +262,11 @@ def page(workers: int, seconds: float, jobs: int, machines: Machines, ending: En
     there, aside = machines.worker_seconds, ending.in_jobs - ending.work
     shares = {
         "work that the jobs asked for": ending.work,
-        "beside it in the same jobs: chunks read and written, records": aside,
-        "the rest: jobs begun on machines that were taken away, waiting for the next job, the first job's imports, the command's "
-        "start and end": there - ending.in_jobs,
+        "beside it in the same jobs: chunks read and written": aside,
+        "between two jobs of a worker: records, messages, waiting": ending.between,
+        "the rest: jobs begun on machines that were taken away, until a worker's first job, after its last": there
+        - ending.in_jobs
+        - ending.between,
     }
     return "\n".join(
         [

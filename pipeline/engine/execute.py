@@ -7,13 +7,15 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from orthomill.pipeline.engine.freed_memory import give_back
 from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
-from orthomill.pipeline.records.records import Fingerprint, Key, Record, Records
+from orthomill.pipeline.records.records import NOT_DONE, Fingerprint, Key, Record, Records
+from orthomill.pipeline.storage.array_metadata import StoredArray
 from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_files import keep
@@ -106,18 +108,22 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     `dependencies` are the results of the jobs before it: keys, never data.
     """
     records = _records(work.depot, work.wave, work.run)
-    # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid.
-    before = records.afresh(work.job.key)
+    store = Store(work.depot, _arrays(work.depot, work.run) if work.run else None)
+    # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid. What
+    # others have recorded is read only where there is something: each of them has a file, and there may be a thousand.
+    before = records.afresh(work.job.key) if _has_left_something(work.job, store) else records.get(work.job.key)
     if _is_done(work, before):
         return work.job.key
     attempt = _attempt(work, before)
     started = Started(time.time(), time.process_time())
     # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
-    records.remove(work.job.key)
+    if before or work.reason != NOT_DONE:
+        records.remove(work.job.key)
     try:
-        left = _perform(work)
+        left = _perform(work, store)
     except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
         sentence = _sentence(error)
+        attempt = _attempt(work, records.afresh(work.job.key))
         _put(records, _record(work, "failed", started, attempt=attempt, error=sentence, traceback=traceback.format_exc()))
         raise JobFailed(work.job.key, sentence) from None
     _put(records, _record(work, "done", started, attempt=attempt, births=left.births, files=left.files))
@@ -129,6 +135,22 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
 def _records(depot: Depot, wave: int, run: str) -> Records:
     """The records of a run, kept from job to job: of the logs of other workers only what is new need be read."""
     return Records(depot, wave)
+
+
+@lru_cache(maxsize=1)
+def _arrays(depot: Depot, run: str) -> dict[str, StoredArray]:
+    """What is known of the rasters of a run, kept from job to job: they are created before their jobs are handed out."""
+    return {}
+
+
+def _has_left_something(job: Job | Export, store: Store) -> bool:
+    """Whether there is anything under the name of its first result, of this run or of one before; not where that has no content."""
+    if isinstance(job, Export):
+        return store.depot.state(job.path) is not None
+    try:
+        return any(store.is_there(output) for output in islice(job.writes.values(), 1))
+    except StoreError:  # what is wrong there is told when the job writes
+        return True
 
 
 def _sentence(error: Exception) -> str:
@@ -160,8 +182,7 @@ def _put(records: Records, record: Record) -> None:
         raise JobFailed(record.key, str(error)) from None
 
 
-def _perform(work: JobOrder) -> Left:
-    store = Store(work.depot)
+def _perform(work: JobOrder, store: Store) -> Left:
     if isinstance(work.job, Export):
         return Left({}, keep(store.depot, export(work.job, store, store.depot)))
     job = work.job

@@ -268,9 +268,16 @@ class Session:
         else:
             self.blocked.add(finished.key)
         # What was never tried may have a record of an earlier run.
-        record = self.records.afresh(finished.key) if finished.status != "blocked" else None
+        record = self._record_of(finished) if finished.status != "blocked" else None
         watcher.finished(finished, record)
         return record
+
+    def _record_of(self, finished: Finished) -> Record | None:
+        """What its worker recorded: others are read together with it, so that most are known before anybody asks."""
+        known = self.records.get(finished.key)
+        if known and (known.run, known.status) == (self.mark, finished.status):
+            return known
+        return self.records.afresh(finished.key)
 
     def _suspect_inputs(self, key: Key) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""

@@ -34,8 +34,8 @@ class OwnLog:
         self._name = f"{folder}/{wave:08d}-{os.getpid()}-{_PROCESS}"
         self._part = 0
 
-    def append(self, line: bytes) -> None:
-        """Append a line. Raises StoreError."""
+    def append(self, line: bytes) -> tuple[str, int]:
+        """Append a line; returns the file's name in the folder, and its size now. Raises StoreError."""
         name = f"{self._name}.{self._part}{LOG}" if self._part else f"{self._name}{LOG}"
         try:
             size = self._depot.append(name, line)
@@ -46,6 +46,7 @@ class OwnLog:
             ) from error
         if self._depot.longest_log and size > self._depot.longest_log:
             self._part += 1
+        return name.rpartition("/")[2], size
 
 
 class StageFiles:
@@ -67,6 +68,15 @@ class StageFiles:
             # A run that folds the logs while somebody else looks at its state removes them; what they held is then in the new file.
             with suppress(FileNotFoundError):
                 return self._read_on()
+
+    def take_own(self, name: str, size: int, line: bytes) -> None:
+        """What this process has just appended to a file, which has so many bytes now. Nobody else writes it, so it need not be
+        read."""
+        if self._read.get(name, 0) != size - len(line):
+            return self.refresh()
+        self._read[name] = size
+        for found in read_lines(line, wave_of(name)):
+            self._keep(name, found)
 
     def _read_on(self) -> None:
         for name, size in self._counting():

@@ -19,6 +19,8 @@ from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.depots.kept_files import Defect, KeptFile
 
 Key = tuple[str, str, int, int]
+NOT_DONE = "not done yet"
+"""The reason to do what nobody has a record of."""
 DEFECTS = ("result is missing", "result is damaged")
 """The reasons to do again what an earlier run had done, and which nothing in the project has changed."""
 
@@ -134,9 +136,10 @@ class Records:
     def _append(self, key: Key, status: str, started: float, text: bytes) -> None:
         if key[0] not in self._logs:
             self._logs[key[0]] = OwnLog(self.depot, f"{JOBS}/{key[0]}", self.begin())
-        self._logs[key[0]].append(line_of(key[1:], status, started, text))
+        line = line_of(key[1:], status, started, text)
+        name, size = self._logs[key[0]].append(line)
         if key[0] in self._stages:
-            self._stage(key[0])
+            self._stages[key[0]].take_own(name, size, line)
 
     def of_stage(self, stage: str) -> tuple[Record, ...]:
         """All readable records of a stage, by key."""
@@ -169,7 +172,7 @@ def _record_of(line: RecordLine) -> Record | None:
 def reason_to_run(record: Record | None, fingerprint: Fingerprint, births: dict[str, str], defect: Defect | None) -> str | None:
     """Why a job must run, in a few words; None when its result is still valid. `defect` is that of its files."""
     if record is None:
-        return "not done yet"
+        return NOT_DONE
     if record.status == "failed":
         return "failed before"
     if record.fingerprint.settings != fingerprint.settings:

@@ -37,9 +37,10 @@ RASTERS = "rasters.zarr"
 class Store:
     """Rasters and tables of one run. Cheap to create; every worker creates its own."""
 
-    def __init__(self, place: Path | Depot) -> None:
+    def __init__(self, place: Path | Depot, arrays: dict[str, StoredArray] | None = None) -> None:
         self.depot = depot_of(place)
-        self._arrays: dict[str, StoredArray] = {}
+        self._arrays: dict[str, StoredArray] = {} if arrays is None else arrays
+        """what is known of rasters, by name; given where others have looked at them that are still the same"""
         self.written: dict[str, KeptFile] = {}
         """the files of chunks that were written here, by name in the depot"""
 
@@ -222,6 +223,13 @@ class Store:
             yield self.table_path(output)
             return
         yield from (file for file, _ in self._chunks(output.name, self._array(output.name), output.window) if file in self.written)
+
+    def is_there(self, output: Raster | Table[Any]) -> bool:
+        """Whether there is a table, or the first chunk of a window of a raster. Raises StoreError where there is no raster."""
+        if isinstance(output, Table):
+            return self.has_table(output)
+        first, _ = next(self._chunks(output.name, self._array(output.name), output.window))
+        return self.depot.state(first) is not None
 
     def has_table(self, table: Table[Any]) -> bool:
         return self.depot.state(self.table_path(table)) is not None

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, Literal, cast
 
@@ -31,6 +32,8 @@ _RETRY: Any = {
 _NO_BUCKET = ("<Code>NoSuchBucket<", "<Code>ContainerNotFound<")
 _REFUSED = ("401 Unauthorized", "403 Forbidden")
 """as answers say it that the library has no error of its own for"""
+_IN_MEMORY = 4 * 2**20
+"""bytes up to which a file goes from memory to memory: below, most of its time is that of temporary files"""
 _PIECE = 64 * 2**20
 """Bytes above which a file is sent in parts: those of a killed process stay, unseen, until the bucket's own rule removes them."""
 
@@ -144,6 +147,9 @@ class Bucket:
         import obstore
 
         size = path.stat().st_size
+        if size <= _IN_MEMORY:
+            self._left[name] = self.put(name, path.read_bytes())
+            return
         with self._explained():
             answer = repeated(lambda: obstore.put(self.store, name, path, use_multipart=size > _PIECE))
         self._left[name] = KeptFile(size, _number(answer["e_tag"]), checksum_of(path))
@@ -213,6 +219,26 @@ class Bucket:
             path = Path(scratch) / PurePosixPath(name).name
             self.fetch(name, path)
             yield path
+
+    @contextmanager
+    def source(self, name: str) -> Iterator[Path | BinaryIO]:
+        content = self._small(name)
+        if content is not None:
+            yield BytesIO(content)
+            return
+        with self.local(name) as path:
+            yield path
+
+    def _small(self, name: str) -> bytes | None:
+        """The content of a small object; None of a large one."""
+        import obstore
+
+        def answer() -> bytes | None:
+            found = obstore.get(self.store, name)
+            return bytes(found.bytes()) if found.meta["size"] <= _IN_MEMORY else None
+
+        with self._explained():
+            return repeated(answer)
 
     def fetch(self, name: str, path: Path) -> None:
         """Copy an object to a file. Raises FileNotFoundError, OSError, StoreError."""

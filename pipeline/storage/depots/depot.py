@@ -95,5 +95,8 @@ class Depot(Protocol):
     def local(self, name: str) -> AbstractContextManager[Path]:
         """A path under which other libraries read the file. Raises FileNotFoundError, OSError."""
 
+    def source(self, name: str) -> AbstractContextManager[Path | BinaryIO]:
+        """A file for a library that reads paths and streams alike, a table above all. Raises FileNotFoundError, OSError."""
+
     def product(self, name: str) -> AbstractContextManager[Path]:
         """A path that other libraries write, with what they put beside it; kept when all is there. Raises StoreError, OSError."""

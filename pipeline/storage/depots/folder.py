@@ -128,6 +128,9 @@ class Folder:
     def local(self, name: str) -> nullcontext[Path]:
         return nullcontext(self.path / name)
 
+    def source(self, name: str) -> nullcontext[Path | BinaryIO]:
+        return nullcontext(self.path / name)
+
     @contextmanager
     def product(self, name: str) -> Iterator[Path]:
         # Links are followed here, unlike in a workflow: a product must not be written through a link to somewhere else.

@@ -60,7 +60,7 @@ def read_table(depot: Depot, name: str, table: Table[Any]) -> Any:
     try:
         if issubclass(table.type, Columns):
             # One column after the other: all of them at once would be there twice, as stored and as numbers.
-            with depot.local(name) as path, pq.ParquetFile(path, page_checksum_verification=True) as stored:
+            with depot.source(name) as source, pq.ParquetFile(source, page_checksum_verification=True) as stored:
                 return table.type(**{f.name: numpy_of(stored.read([f.name])[f.name]) for f in fields(table.type)})
         text = unsealed(depot.get(name))
         if text is None:
