@@ -2,9 +2,10 @@
 
 python -m benchmarks store_cost [ROUNDS [PROJECT]]
 
-One machine, two workers, real programs as stores: SeaweedFS for S3, Azurite for Azure, fake-gcs-server for Google, those of them
-that are installed (docs/scale.md). A run in the folder and one in each store, in turn, from nothing each time; a run before all of
-them compiles the kernels. The time of the programs that are the stores is not counted.
+One machine, two workers, real programs as stores: SeaweedFS for S3, Azurite for Azure (`azurite` on the PATH: npm install -g
+azurite), fake-gcs-server for Google, those of them that are installed (docs/scale.md). A run in the folder and one in each store,
+in turn, from nothing each time; a run before all of them compiles the kernels. The time of the programs that are the stores is not
+counted.
 """
 
 import os
@@ -111,4 +112,6 @@ def page(project: str, found: dict[str, list[Kept]], results: int, first: Measur
             f"{min(one.same for one in runs)} of {results} |"
         )
     lines += ["", f"The run before all of them, which compiled what was not compiled yet, took {first.cpu_seconds:.0f} CPU-s."]
+    if left_out := [name for name in STORES if name not in found]:
+        lines += ["", f"Not measured, since they are not installed there: {', '.join(left_out)}."]
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import isqrt
 from pathlib import Path
 from threading import Event, Thread
@@ -236,8 +237,8 @@ def run(folder: Path, across: int, workers: int, seconds: float) -> tuple[Machin
 def _between(records: tuple[Record, ...]) -> float:
     """Seconds from the end of a job to the beginning of the next one of the same worker."""
     ordered = sorted(records, key=lambda record: (record.worker, record.started))
-    pairs = zip(ordered, ordered[1:], strict=False)
-    return sum(after.started - before.started - before.seconds for before, after in pairs if before.worker == after.worker)
+    pairs = [(before, after) for before, after in pairwise(ordered) if before.worker == after.worker]
+    return sum(after.started - before.started - before.seconds for before, after in pairs)
 
 
 @contextmanager

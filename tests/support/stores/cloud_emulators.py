@@ -7,6 +7,7 @@ import os
 import shutil
 import socket
 import subprocess
+import tempfile
 import threading
 import time
 import urllib.request
@@ -15,6 +16,7 @@ from contextlib import contextmanager, suppress
 from email.utils import formatdate
 from importlib.util import find_spec
 from pathlib import Path
+from typing import IO
 
 from tests.support.stores.google_uploads import GoogleUploads
 from tests.support.stores.server_ports import free_ports
@@ -72,19 +74,31 @@ def google(folder: Path) -> Iterator[dict[str, str]]:
 
 @contextmanager
 def _running(words: list[str], port: int, variables: dict[str, str]) -> Iterator[None]:
-    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=os.environ | variables)
+    """A program that listens on a port. Raises RuntimeError with what it said where it does not."""
+    with tempfile.TemporaryFile("w+") as said:
+        process = subprocess.Popen(words, stdout=said, stderr=said, env=os.environ | variables)
+        try:
+            _await(process, port, said)
+            yield
+        finally:
+            process.kill()
+            process.wait()
+
+
+def _await(process: subprocess.Popen, port: int, said: IO[str]) -> None:
     try:
-        _until(lambda: socket.create_connection(("127.0.0.1", port), 1.0).close())
-        yield
-    finally:
-        process.kill()
-        process.wait()
+        _until(lambda: socket.create_connection(("127.0.0.1", port), 1.0).close(), lambda: process.poll() is not None)
+    except RuntimeError as error:
+        said.seek(0)
+        raise RuntimeError(f"{error} (it ended with {process.poll()}): {said.read()[-500:]}") from None
 
 
-def _until(done: Callable[[], None]) -> None:
-    """Try for half a minute."""
+def _until(done: Callable[[], None], over: Callable[[], bool] = lambda: False) -> None:
+    """Try for half a minute, or until it is over."""
     for _ in range(150):
         with suppress(OSError):
             return done()
+        if over():
+            break
         time.sleep(0.2)
     raise RuntimeError("the emulator does not answer")
