@@ -1,6 +1,7 @@
 """One job: its inputs are read, its results written whole, and its end recorded, whatever the end is."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +11,9 @@ from toy_stages import SIZE, Size, make_size
 
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.runner import ATTEMPTS, SequentialRunner
+from orthomill.pipeline.records import record_files
 from orthomill.pipeline.records.records import Fingerprint, Records
+from orthomill.pipeline.storage import store
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import GeometryError
 from orthomill.schemas.job import Export, Job, Raster, Table, TextFile
@@ -149,6 +152,53 @@ def test_a_job_that_this_run_has_done_is_not_done_again(tmp_path):
     assert Store(tmp_path / "run").table(SIZE).rows == 99
     execute(order(tmp_path, size_job(), run="later"))
     assert Store(tmp_path / "run").table(SIZE).rows == 3
+
+
+def other_size(item: str) -> Job:
+    table = Table(f"a/{item}.json", Size)
+    return Job(stage="a", item=item, function=make_size, reads={}, writes={"size": table}, params=SIDES)
+
+
+def test_what_others_recorded_is_read_where_a_result_is_there_and_not_for_new_ones(tmp_path, monkeypatch):
+    read: list[str] = []
+    refresh = record_files.StageFiles.refresh
+    monkeypatch.setattr(record_files.StageFiles, "refresh", lambda stage: (read.append(stage.folder), refresh(stage)))
+    for item in ("first", "second", "third"):
+        execute(order(tmp_path, other_size(item), run="now"))
+    assert len(read) == 1, "of a worker that begins"
+    monkeypatch.setattr(record_files, "_PROCESS", "another")
+    done = Records(tmp_path / "run", 1).get(("a", "third", 0, 0))
+    Records(tmp_path / "run", 1).put(done.model_copy(update={"item": "fourth", "worker": "another"}))
+    Store(tmp_path / "run").write_table(Table("a/fourth.json", Size), Size(rows=99, cols=99))
+    execute(order(tmp_path, other_size("fourth"), run="now"))
+    assert Store(tmp_path / "run").table(Table("a/fourth.json", Size)).rows == 99, "the other worker has done it"
+
+
+def test_a_record_is_taken_back_before_results_are_touched_and_a_new_job_has_none(tmp_path):
+    def lines(wave: int) -> list[bytes]:
+        (log,) = (tmp_path / "run/jobs/a").glob(f"{wave:08d}-*.log")
+        return [line.split(b"\t")[1] for line in log.read_bytes().splitlines()]
+
+    execute(order(tmp_path, size_job(), run="now"))
+    assert lines(1) == [b"done"]
+    execute(replace(order(tmp_path, size_job(), run="later", wave=2), reason="settings changed"))
+    assert lines(2) == [b"removed", b"done"]
+
+
+def test_the_metadata_of_a_raster_are_read_once_in_a_run(tmp_path, monkeypatch):
+    def ones(window: Window) -> np.ndarray:
+        return np.ones(window.shape, np.float32)
+
+    read, spec = [], RasterSpec(name="a/z", shape=(64, 128), dtype="float32", chunk=64)
+    Store(tmp_path / "run").create(spec)
+    found = store.stored_array
+    monkeypatch.setattr(store, "stored_array", lambda depot, place: (read.append(place), found(depot, place))[1])
+    for run in ("now", "later"):
+        for col in (0, 1):
+            window = Window(0, 64 * col, 64, 64)
+            job = Job("a", "tile", ones, {}, {"ones": Raster(spec.name, window)}, {"window": window}, col=col)
+            execute(order(tmp_path, job, run))
+    assert read == ["rasters.zarr/a/z"] * 2
 
 
 def test_a_job_that_fails_now_leaves_no_record_of_its_earlier_success(tmp_path):
