@@ -122,21 +122,25 @@ def run_at(root: str, address: str, across: int, workers: int) -> None:
 
 @dataclass
 class Machines:
-    """What became of them while the command ran: how many were taken away, by how; how many joined; and the workers that the
-    scheduler had, in worker-seconds, the least and the most of them."""
+    """What became of them while the command ran: how many were taken away, by how; how many joined; the workers that the scheduler
+    had, in worker-seconds, the least and the most of them; and when each was there first, by its folder, s since 1970."""
 
     taken: Counter[str] = field(default_factory=Counter)
     joined: int = 0
     worker_seconds: float = 0.0
     least: int = sys.maxsize
     most: int = 0
+    since: dict[str, float] = field(default_factory=dict)
 
     def count(self, address: str, enough: Event) -> None:
         """Until it is enough."""
         with remote_client(address) as client:
             before = time.monotonic()
             while not enough.wait(LOOKED):
-                number, now = len(client.scheduler_info(n_workers=-1)["workers"]), time.monotonic()
+                there = client.scheduler_info(n_workers=-1)["workers"].values()
+                number, now = len(there), time.monotonic()
+                for worker in there:
+                    self.since.setdefault(worker["local_directory"], time.time())
                 self.worker_seconds += number * (now - before)
                 self.least, self.most, before = min(self.least, number), max(self.most, number), now
 
@@ -173,22 +177,28 @@ class Office:
     folder: Path
     there: list[Node] = field(default_factory=list)
 
+    @property
+    def machines(self) -> Path:
+        """A folder for each."""
+        return self.folder / "machines"
+
     def join(self) -> None:
         """A machine more."""
-        apart = Apart(self.folder / "machines" / str(len(self.cluster.nodes)), (self.folder / "command", self.folder / "alone"))
+        apart = Apart(self.machines / str(len(self.cluster.nodes)), (self.folder / "command", self.folder / "alone"))
         self.there.append(self.cluster.join("--no-nanny", "--memory-limit", "1GiB", apart=apart))
 
 
 @dataclass(frozen=True)
 class Ending:
     """How the command ended, s after it began; the s of work that its jobs asked for, the s that they took as they were done at
-    last, reading and writing included, and the s between two jobs of a worker; results of a run alone, and those that are others in
-    the store."""
+    last, reading and writing included, the s from a worker's joining to its first job, and between two jobs of a worker; results of
+    a run alone, and those that are others in the store."""
 
     code: int
     seconds: float
     work: float
     in_jobs: float
+    first: float
     between: float
     results: int
     differing: int
@@ -230,8 +240,22 @@ def run(folder: Path, across: int, workers: int, seconds: float) -> tuple[Machin
     expected, found = kept(Folder(folder / "alone/runs" / PROJECT.project)), kept(store)
     differing = sum(found.get(name) != digest for name, digest in expected.items()) + len(set(found) - set(expected))
     records = Records(store).sort_out()[0]
-    in_jobs, between = sum(record.seconds for record in records), _between(records)
-    return machines, Ending(code, clock, WorkStage(across=across).seconds(), in_jobs, between, len(expected), differing)
+    in_jobs = sum(record.seconds for record in records)
+    waited = _until_first(records, machines, office), _between(records)
+    return machines, Ending(code, clock, WorkStage(across=across).seconds(), in_jobs, *waited, len(expected), differing)
+
+
+def _until_first(records: tuple[Record, ...], machines: Machines, office: "Office") -> float:
+    """Seconds from the moment that a worker is there, and the command as well, to its first job that was not lost with it."""
+    first: dict[str, float] = {}
+    for record in records:
+        first[record.worker] = min(first.get(record.worker, record.started), record.started)
+    waited = 0.0
+    for place, since in machines.since.items():
+        number = Path(place).relative_to(office.machines).parts[0]
+        pid = str(office.cluster.nodes[int(number)].pid)
+        waited += max(first.get(pid, since) - since, 0.0)
+    return waited
 
 
 def _between(records: tuple[Record, ...]) -> float:
@@ -264,9 +288,11 @@ def page(workers: int, seconds: float, jobs: int, machines: Machines, ending: En
     shares = {
         "work that the jobs asked for": ending.work,
         "beside it in the same jobs: chunks read and written": aside,
+        "until a worker's first job: imports, whether it sees the store": ending.first,
         "between two jobs of a worker: records, messages, waiting": ending.between,
-        "the rest: jobs begun on machines that were taken away, until a worker's first job, after its last": there
+        "the rest: jobs begun on machines that were taken away, after the last job": there
         - ending.in_jobs
+        - ending.first
         - ending.between,
     }
     return "\n".join(

@@ -27,6 +27,11 @@ class Node:
         self._start, self.revived = start, 0
         self._process = start()
 
+    @property
+    def pid(self) -> int:
+        """Of the nanny, or of the worker that is alone."""
+        return self._process.pid
+
     def workers(self) -> list[psutil.Process]:
         """The worker of a nanny; none where it was killed while it started."""
         with suppress(psutil.NoSuchProcess):

@@ -129,10 +129,11 @@ class Workforce:
         self._room = {address: about.get("memory_limit") or float("inf") for address, about in workers.items()}
         return workers
 
-    def _busy(self, workers: dict[str, Any]) -> frozenset[str]:
+    def _busy(self, workers: Iterable[str]) -> frozenset[str]:
         """Those that have been given a job."""
-        given = self._client.processing(workers=list(workers)) if workers else {}
-        return frozenset(address for address, jobs in given.items() if jobs)
+        # Asked for all: where one that is named has gone meanwhile, the scheduler answers with an error.
+        given = self._client.processing()
+        return frozenset(address for address in workers if given.get(address))
 
     def _idle(self, workers: dict[str, Any], needed: int) -> str | None:
         """Why nobody does anything, None where somebody does."""
@@ -144,7 +145,7 @@ class Workforce:
         if not running:
             return "all workers are paused, perhaps because their memory is full"
         # A worker that computes may be too busy to report it; it has been given a job, and is not paused.
-        if any(self._client.processing(workers=running).values()):
+        if self._busy(running):
             return None
         largest = max(self._room.values())
         if largest < needed:

@@ -260,10 +260,12 @@ class Watched(Client):
         return ended
 
     def scheduler_info(self, n_workers):
-        return {"workers": self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]}
+        self.there = self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]
+        return {"workers": self.there}
 
-    def processing(self, workers):
-        return {worker: ("job",) if self.given is True or (self.given and worker in self.given) else () for worker in workers}
+    def processing(self):
+        """Of all workers: the scheduler has an error for who asks for one by name that has just gone."""
+        return {worker: ("job",) if self.given is True or (self.given and worker in self.given) else () for worker in self.there}
 
     def retire_workers(self, workers, close_workers):
         self.retired += workers
