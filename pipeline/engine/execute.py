@@ -5,6 +5,7 @@ import resource
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -114,7 +115,6 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     before = records.afresh(work.job.key) if _has_left_something(work.job, store) else records.get(work.job.key)
     if _is_done(work, before):
         return work.job.key
-    attempt = _attempt(work, before)
     started = Started(time.time(), time.process_time())
     # The record goes first: a process killed while it writes must not leave a record that says the result is valid.
     if before or work.reason != NOT_DONE:
@@ -123,10 +123,12 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
         left = _perform(work, store)
     except Exception as error:  # whatever a method raises ends this job only, and the run goes on with the others
         sentence = _sentence(error)
-        attempt = _attempt(work, records.afresh(work.job.key))
-        _put(records, _record(work, "failed", started, attempt=attempt, error=sentence, traceback=traceback.format_exc()))
+        told = traceback.format_exc()
+        with suppress(OrthomillError, OSError):  # that of the job counts
+            before = records.afresh(work.job.key)
+        _put(records, _record(work, "failed", started, attempt=_attempt(work, before), error=sentence, traceback=told))
         raise JobFailed(work.job.key, sentence) from None
-    _put(records, _record(work, "done", started, attempt=attempt, births=left.births, files=left.files))
+    _put(records, _record(work, "done", started, attempt=_attempt(work, before), births=left.births, files=left.files))
     give_back()
     return work.job.key
 
