@@ -31,7 +31,7 @@ from benchmarks.instrument.result_page import ROOT, write_page
 from benchmarks.trust.cluster_nodes import Apart, Cluster, Node, cluster
 from benchmarks.trust.kept_results import kept
 from benchmarks.trust.session_on_cluster import run_session
-from orthomill.pipeline.engine.dask_cluster import remote_client
+from orthomill.pipeline.engine.dask_cluster import remote_client, workers_of
 from orthomill.pipeline.engine.runner import SequentialRunner
 from orthomill.pipeline.engine.session import Session, Unwatched
 from orthomill.pipeline.records.records import Record, Records
@@ -137,7 +137,7 @@ class Machines:
         with remote_client(address) as client:
             before = time.monotonic()
             while not enough.wait(LOOKED):
-                there = client.scheduler_info(n_workers=-1)["workers"].values()
+                there = workers_of(client).values()
                 number, now = len(there), time.monotonic()
                 for worker in there:
                     self.since.setdefault(worker["local_directory"], time.time())

@@ -179,6 +179,14 @@ def _other_programs(client: Client, patience: float) -> dict[str, str]:
     return found
 
 
+def workers_of(client: Client) -> dict[str, Any]:
+    """What the scheduler knows of its workers, by address."""
+    # The scheduler itself is asked: what a client holds of it is overwritten every other second by an answer that names no worker.
+    assert client.scheduler is not None
+    answer: dict[str, Any] = client.sync(client.scheduler.identity, n_workers=-1)
+    return answer.get("workers", {})
+
+
 def objections(client: Client, terms: Terms) -> dict[str, str]:
     """Why workers of an existing cluster may do no job of a run, by address.
 
@@ -186,7 +194,7 @@ def objections(client: Client, terms: Terms) -> dict[str, str]:
     """
     with suppress(TimeoutError):
         found = {worker: f"{why}; {INSTALL}" for worker, why in _other_programs(client, ASKED).items()}
-        able = [worker for worker in client.scheduler_info(n_workers=-1).get("workers", {}) if worker not in found]
+        able = [worker for worker in workers_of(client) if worker not in found]
         answers = client.run(_objection, terms, workers=able, on_error="return", callback_timeout=ASKED) if able else {}
         return found | {worker: why for worker, why in answers.items() if isinstance(why, str)}
     return {}

@@ -9,6 +9,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -129,7 +130,9 @@ class Mustered:
     def __init__(self, **objections: str | None) -> None:
         self.objections, self.retired = objections, []
 
-    def scheduler_info(self, n_workers):
+    scheduler = SimpleNamespace(identity=None)
+
+    def sync(self, identity, n_workers):
         return {"workers": {worker: {"memory_limit": 0} for worker in self.objections}}
 
     def run(self, function, *words, workers=None, **options):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Any
 
-from orthomill.pipeline.engine.dask_cluster import LOST, objections
+from orthomill.pipeline.engine.dask_cluster import LOST, objections, workers_of
 from orthomill.pipeline.engine.workers.lost_workers import LostWorkers
 from orthomill.pipeline.engine.workers.worker_terms import Terms
 from orthomill.schemas.errors import ResourceError
@@ -123,7 +123,7 @@ class Workforce:
 
     def _update(self) -> dict[str, Any]:
         """What the scheduler knows of the workers that may take jobs, by address."""
-        known = self._client.scheduler_info(n_workers=-1).get("workers", {})
+        known = workers_of(self._client)
         workers = {address: about for address, about in known.items() if address not in self._dismissed}
         # Dask counts no limit as 0.
         self._room = {address: about.get("memory_limit") or float("inf") for address, about in workers.items()}
