@@ -112,7 +112,7 @@ def execute(work: JobOrder, *dependencies: object) -> Key:
     store = Store(work.depot, _arrays(work.depot, work.run) if work.run else None)
     # When a worker dies, Dask repeats all jobs whose results, the keys, it held; their data are on disk and remain valid. What
     # others have recorded is read only where there is something: each of them has a file, and there may be a thousand.
-    before = records.afresh(work.job.key) if _has_left_something(work.job, store) else records.get(work.job.key)
+    before = records.afresh(work.job.key) if _has_left_something(work.job, store) else records.known(work.job.key)
     if _is_done(work, before):
         return work.job.key
     started = Started(time.time(), time.process_time())

@@ -125,6 +125,10 @@ class Records:
         self._stage(key[0])
         return self.get(key)
 
+    def known(self, key: Key) -> Record | None:
+        """The record of a job as far as this process has read of its stage: it reads nothing for that."""
+        return self.get(key) if key[0] in self._stages else None
+
     def put(self, record: Record) -> None:
         """Raises StoreError."""
         self._append(record.key, record.status, record.started, record.model_dump_json().encode())
