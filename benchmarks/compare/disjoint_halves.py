@@ -101,15 +101,16 @@ def _bands(pixels: np.ndarray) -> np.ndarray:
     return pixels if pixels.ndim == 3 else pixels[..., None]
 
 
-def halves(run: Path, names: tuple[str, ...] = ()) -> tuple[JudgedVolume, JudgedVolume, float]:
-    """The two judged volumes, and the step between heights of the finest level, m. names: photographs of the first set."""
+def halves(run: Path, names: tuple[str, ...] = (), part: Window | None = None) -> tuple[JudgedVolume, JudgedVolume, float]:
+    """The two judged volumes, and the step between heights of the finest level, m. names: photographs of the first set; part: whole
+    tiles of the volume, by default those that are least coherent."""
     store = Store(run)
     block, photos, surface = store.table(BLOCK), store.table(PHOTOS), store.table(SURFACE)
     whole = VolumeScene(block, photos, surface, HeightVolume())
     first = set(names or block.names[::2])
     grid = terrain_grid(surface.grid)
     terrain = store.read(TERRAIN, Window(0, 0, *grid.shape))
-    part = _least_coherent(store, surface.grid.shape)
+    part = part or _least_coherent(store, surface.grid.shape)
     sets = (
         HalfBlock(store, _scene_of(_only(block, chosen), whole), whole, part, terrain)
         for chosen in (first, set(block.names) - first)

@@ -51,6 +51,14 @@ _ALL = (
         "RUN [NAME ...]: photographs of the first set",
     ),
     Study(
+        "second_look",
+        "compare.second_look",
+        "whether estimates that two sets of photographs find alike are right, on a simulated town",
+        "minutes",
+        ("tasks/densification", "tasks/matching"),
+        words="[RUN]: a finished run of a simulated scene",
+    ),
+    Study(
         "stated_heights",
         "compare.stated_heights",
         "what stated standard errors of heights are worth, by code and class, on simulated scenes",

@@ -10,8 +10,9 @@ from orthomill.tasks.densification.height_differences import even
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 
-_COMPANY = 50
-"""% of the cells around that go along with a height, below which it stands alone"""
+_COMPANY = 40
+"""% of the cells around that go along with a height, below which it stands alone: the rim of a roof has fewer than half, water and
+blunders fewer still"""
 
 
 class VolumeWindow(NamedTuple):
@@ -30,7 +31,7 @@ class VolumeWindow(NamedTuple):
 
     @property
     def stray(self) -> np.ndarray:
-        """(rows, cols) bool: estimates with which most of the cells around do not go along."""
+        """(rows, cols) bool: estimates with which too few of the cells around go along."""
         return (self.confidence == Confidence.LOW) & (self.judgement[..., Judgement.COHERENCE] < _COMPANY)
 
     @property

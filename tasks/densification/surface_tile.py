@@ -25,7 +25,7 @@ from orthomill.tasks.densification.precision.datum_precision import datum_precis
 from orthomill.tasks.densification.precision.estimate_errors import GUESS_REACH, groundless, with_shown, with_surroundings
 from orthomill.tasks.densification.precision.matched_ground import matched_ground
 from orthomill.tasks.densification.precision.pair_differences import NO_DIFFERENCES, MatchingDifferences
-from orthomill.tasks.densification.precision.standard_errors import REACH, relative_precision
+from orthomill.tasks.densification.precision.standard_errors import REACH, matched_error, relative_precision
 from orthomill.tasks.densification.precision.wall_blind_errors import wall_blind_precision
 from orthomill.tasks.densification.settings.surface_settings import (
     Completion,
@@ -38,6 +38,7 @@ from orthomill.tasks.densification.settings.surface_settings import (
 )
 from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_grid import ground_pixel
+from orthomill.tasks.densification.wall_foot import volume_share, with_volume
 from orthomill.tasks.densification.water import NO_WATER, WaterLevels, levelled
 
 CLASSES = 20
@@ -203,13 +204,16 @@ def finished_cells(
 
 
 def _rated(measured: FusedCells, volume: VolumeWindow, tile: SurfaceTile, differences: MatchingDifferences) -> FusedCells:
-    """The cells with their standard errors among neighbours."""
+    """The cells with their standard errors among neighbours, and with the volume at the foot of walls."""
     if tile.window_cells:
         relative = wall_blind_precision(measured, volume, tile.window_cells)
         return FusedCells(measured.height, relative, measured.count, measured.provenance)
     ground = matched_ground(measured, tile.step)
-    relative = relative_precision(measured, volume, ground, differences)
-    return with_shown(FusedCells(measured.height, relative, measured.count, measured.provenance), volume, ground)
+    matched = matched_error(measured, volume, ground, differences)
+    share = volume_share(measured, volume, ground, matched)
+    relative = relative_precision(measured, volume, ground, matched * np.sqrt(1 - share))
+    height = with_volume(measured.height, volume, share)
+    return with_shown(FusedCells(height, relative, measured.count, measured.provenance), volume, ground)
 
 
 def surface_cells(cells: FusedCells, datum: np.ndarray, statistics: SurfaceStatistics, points: SurfacePoints) -> SurfaceCells:

@@ -8,7 +8,7 @@ from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.matched_ground import matched_ground
 from orthomill.tasks.densification.precision.pair_differences import CLASSES, NO_DIFFERENCES, MatchingDifferences, factors
-from orthomill.tasks.densification.precision.standard_errors import height_range, relative_precision
+from orthomill.tasks.densification.precision.standard_errors import height_range, matched_error, relative_precision
 from orthomill.tasks.densification.volume.confidence import Confidence
 from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement
 from orthomill.tasks.matching.dense.unevenness import unevenness
@@ -37,7 +37,8 @@ def rated(
 
 
 def precision_of(cells: FusedCells, volume: VolumeWindow, differences: MatchingDifferences = NO_DIFFERENCES) -> np.ndarray:
-    return relative_precision(cells, volume, matched_ground(cells, STEP), differences)
+    ground = matched_ground(cells, STEP)
+    return relative_precision(cells, volume, ground, matched_error(cells, volume, ground, differences))
 
 
 def coded(height: np.ndarray, code: Provenance = Provenance.AGREED, sigma: float = 0.1) -> FusedCells:

@@ -68,13 +68,10 @@ REACH = max(_BESIDE, _SQUARE, _DIFFER, GROUND_REACH)
 """cells around a cell whose heights enter its standard error"""
 
 
-def relative_precision(
-    cells: FusedCells, volume: VolumeWindow, ground: MatchedGround, differences: MatchingDifferences
-) -> np.ndarray:
-    """Standard errors (rows, cols) float32, m, of all cells with a height; ground: around them; differences: of the pairs of the
-    block."""
-    step, least = ground.step, ndimage.minimum_filter(volume.distinctiveness, 3, mode="nearest")
-    matched = _matched_error(cells, ground, least, differences)
+def relative_precision(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround, matched: np.ndarray) -> np.ndarray:
+    """Standard errors (rows, cols) float32, m, of all cells with a height; ground: around them; matched (rows, cols): of the
+    heights that pairs found, without what a decision between rivals adds."""
+    step, least = ground.step, _least_distinctive(volume)
     doubt = np.float32(_DOUBT * step) * volume.size * np.exp(-least / np.float32(_CLEAR))
     own = np.where(np.isfinite(cells.precision), matched, np.hypot(volume_error(cells, volume, step), doubt))
     sigma = np.sqrt(own**2 + _strangeness(cells, volume, step) ** 2 + _strain(cells, volume, ground).astype(float) ** 2)
@@ -82,13 +79,20 @@ def relative_precision(
     return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
 
 
-def _matched_error(cells: FusedCells, ground: MatchedGround, least: np.ndarray, differences: MatchingDifferences) -> np.ndarray:
-    """Of the heights that pairs matched (rows, cols), m; least (rows, cols): distinctiveness of a cell and its neighbours."""
+def matched_error(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround, differences: MatchingDifferences) -> np.ndarray:
+    """Standard errors (rows, cols) of the heights that pairs matched, m, NaN without one; differences: of the pairs of the
+    block."""
+    least = _least_distinctive(volume)
     below, above = (1 - np.exp(-beside / max(_NEAR_WALL * ground.step, 1e-9)) for beside in (ground.rise, ground.fall))
     rivalled = np.clip((_UNRIVALLED - least) / _RIVALS, 0, 1)
     common = _COMMON**2 + _BELOW**2 * below + _ABOVE**2 * above + _RIVALLED**2 * rivalled
     matched = factor_of(ground, differences) * ground.single * np.sqrt(1 / np.maximum(cells.count, 1) + common)
     return np.hypot(matched, np.minimum(_UNEVEN * ground.uneven, height_range(cells.height, _DIFFER)))
+
+
+def _least_distinctive(volume: VolumeWindow) -> np.ndarray:
+    """Distinctiveness (rows, cols) of a cell and its neighbours."""
+    return np.asarray(ndimage.minimum_filter(volume.distinctiveness, 3, mode="nearest"))
 
 
 def volume_error(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
