@@ -52,12 +52,15 @@ def test_slopes_are_limited_and_missing_ones_are_zero():
 
 
 def _height_by_hand(z: np.ndarray, row: int, col: int, divisor: int) -> float:
-    """The rule in words: bilinear between four cells within two cells of height of each other, else the nearest cell."""
+    """The rule in words: bilinear between four cells within two cells of height of each other, or on a slope as steep all around, else
+    the nearest cell."""
     y, x = (row + 0.5) / divisor - 0.5, (col + 0.5) / divisor - 0.5
     nearest = z[min(max(int(np.floor(y + 0.5)), 0), 23), min(max(int(np.floor(x + 0.5)), 0), 23)]
     r, c = min(max(int(np.floor(y)), 0), 22), min(max(int(np.floor(x)), 0), 22)
     four = z[r : r + 2, c : c + 2].astype(np.float64)
-    if np.isnan(nearest) or np.isnan(four).any() or np.ptp(four) > 2.0:
+    around = z[max(r - 1, 0) : r + 3, max(c - 1, 0) : c + 3]
+    wall = np.ptp(four) > 2.0 and np.nanmax(around) - np.nanmin(around) <= 1.8 * np.ptp(four)
+    if np.isnan(nearest) or np.isnan(four).any() or wall:
         return nearest
     s, t = np.clip([x - c, y - r], 0, 1)
     return (1 - t) * ((1 - s) * four[0, 0] + s * four[0, 1]) + t * ((1 - s) * four[1, 0] + s * four[1, 1])
@@ -73,6 +76,16 @@ def test_draping_agrees_with_its_plain_twin(divisor):
     expected = [[_height_by_hand(z, row, col, divisor) for col in range(24 * divisor)] for row in range(24 * divisor)]
     np.testing.assert_allclose(found, np.array(expected), rtol=1e-5)
     assert not ((found > 1.6) & (found < 8.9)).any(), "no ramp between the roof and the ground"
+
+
+def test_a_steep_slope_has_no_steps_within_its_cells():
+    """Steps of the nearest cell would show every place of the slope twice, pixel by pixel: a screen."""
+    z = np.zeros((24, 24), np.float32) + 4.0 * np.clip(np.arange(24) - 8, 0, 6).astype(np.float32)
+    found = ground_of(z, WHOLE, DSM, ortho(2), Window(0, 0, 48, 48)).z[24]
+    assert np.diff(found[18:28]) == pytest.approx(2.0, abs=1e-4)
+    wall = np.where(np.arange(24) < 12, 0.0, 24.0).astype(np.float32) + np.zeros((24, 1), np.float32)
+    sharp = ground_of(wall, WHOLE, DSM, ortho(2), Window(0, 0, 48, 48)).z[24]
+    assert set(np.unique(sharp)) == {0.0, 24.0}
 
 
 def test_a_window_of_heights_gives_what_the_whole_model_gives():

@@ -31,6 +31,8 @@ STEEPEST = 3.0
 """Slopes are limited to this value, so that the ortho cell of a wall keeps some weight in every photo."""
 LEAST_FACING = 0.05
 """Least n . d as a share of the height difference: a visible cell keeps some weight even where its noisy normal faces away."""
+_SLOPE = 1.8
+"""times that the cells around rise as much as a step that is one of a slope: three on an even slope, one at a wall"""
 _RUN = 64  # pixels of a row that are placed, coloured and corrected while they are in the processor's nearest cache
 
 
@@ -193,6 +195,18 @@ def _between(place, first, last):
 
 
 @njit()
+def _goes_on(heights, row, col, step):
+    """Whether the `step` (m) between four cells, the first at row and col, is one of a slope: the cells around them rise and fall
+    as steeply."""
+    lowest, highest = np.inf, -np.inf
+    for r in range(max(row - 1, 0), min(row + 3, heights.shape[0])):
+        for c in range(max(col - 1, 0), min(col + 3, heights.shape[1])):
+            # A hole compares as neither.
+            lowest, highest = min(lowest, heights[r, c]), max(highest, heights[r, c])
+    return highest - lowest > _SLOPE * step
+
+
+@njit()
 def _drape(heights, corner, first, step, divisor, limit, z):
     """Fills `z` with the heights of every `step`-th ortho pixel; `corner`, `first`: first row and column of the DSM window and of
     the pixels."""
@@ -212,7 +226,7 @@ def _drape(heights, corner, first, step, divisor, limit, z):
             a, b = heights[r, c], heights[r, c + 1]
             d, e = heights[r + 1, c], heights[r + 1, c + 1]
             lowest, highest = min(min(a, b), min(d, e)), max(max(a, b), max(d, e))
-            if np.isnan(a + b + d + e) or highest - lowest > limit:
+            if np.isnan(a + b + d + e) or (highest - lowest > limit and not _goes_on(heights, r, c, highest - lowest)):
                 continue
             z[i, j] = (1.0 - t) * ((1.0 - s) * a + s * b) + t * ((1.0 - s) * d + s * e)
 
@@ -265,7 +279,8 @@ def ground_of(
 
     Pixels whose row and column in the whole orthoimage are multiples of `spacing` are taken. Heights are interpolated bilinearly
     between four DSM cells; where these differ by more than two cells in height (a wall) or one is missing, the nearest cell is
-    taken: there is no ramp between a roof and the ground.
+    taken: there is no ramp between a roof and the ground. Where the cells around rise on as steeply there is one already, and steps
+    in it would show every place of it twice.
     """
     divisor = round(dsm.cell / ortho.cell)
     heights = np.ascontiguousarray(heights, np.float32)
