@@ -12,10 +12,12 @@ import numpy as np
 from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.precision.matched_ground import MatchedGround
+from orthomill.tasks.densification.precision.standard_errors import off_pairs
 from orthomill.tasks.densification.volume.quality import Judgement
 
 _OF_STEP = 0.5
-"""standard error of a height of the volume at a foot, share of the distance between its heights"""
+"""standard error of a height of the volume at a foot, share of the distance between its heights, and no less than it is off the
+pairs around: below trees it is off by more"""
 _NEAR = 2.0
 """distances between the heights of the volume by which something rises when its foot is one to 63 %"""
 
@@ -34,7 +36,8 @@ def volume_share(cells: FusedCells, volume: VolumeWindow, ground: MatchedGround,
     foot *= 1 - np.exp(-ground.rise / max(_NEAR * ground.step, 1e-9))
     foot *= np.clip((volume.judgement[..., Judgement.COHERENCE] - float(_ALONE)) / (_TOGETHER - _ALONE), 0, 1)
     squared = np.where(both, matched, 0.0) ** 2 * foot
-    return squared / np.maximum(squared + (_OF_STEP * ground.step * volume.size) ** 2, 1e-18)
+    sigma = np.maximum(_OF_STEP * ground.step * volume.size, off_pairs(cells, volume, ground.step))
+    return squared / np.maximum(squared + sigma**2, 1e-18)
 
 
 def with_volume(height: np.ndarray, volume: VolumeWindow, share: np.ndarray) -> np.ndarray:

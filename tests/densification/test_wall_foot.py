@@ -69,6 +69,12 @@ def test_a_volume_that_its_surroundings_contradict_says_nothing():
     assert shares == sorted(shares) and shares[0] == 0
 
 
+def test_a_volume_that_is_off_the_pairs_around_says_less():
+    """As below trees."""
+    rough = town() + np.where(np.indices(SHAPE).sum(axis=0) % 2, 1, -1).astype(np.float32)
+    assert share(town(), volume(rough))[12, WALL - 2] < 0.3 * share(town(), volume(town()))[12, WALL - 2]
+
+
 @pytest.mark.parametrize("missing", ["pairs", "volume", "alone"])
 def test_where_one_of_both_has_no_height_nothing_is_moved(missing: str):
     height = town()

@@ -97,7 +97,7 @@ def _least_distinctive(volume: VolumeWindow) -> np.ndarray:
 
 def volume_error(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
     """What the volume says of its heights (rows, cols), m."""
-    found = np.maximum(np.float32(_OF_STEP * step) * volume.size, _beside(cells, volume, step))
+    found = np.maximum(np.float32(_OF_STEP * step) * volume.size, off_pairs(cells, volume, step))
     return np.hypot(found, np.float32(_VARIES) * height_range(cells.height, _DIFFER))
 
 
@@ -120,7 +120,7 @@ def _strangeness(cells: FusedCells, volume: VolumeWindow, step: float) -> np.nda
     return _STRANGE * unknown * np.sqrt(np.maximum(variance, 0.0)) * (step / _PARTS)
 
 
-def _beside(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
+def off_pairs(cells: FusedCells, volume: VolumeWindow, step: float) -> np.ndarray:
     """How far the volume lies from the pairs around every cell, as a standard error (rows, cols) m; 0 where too few cells tell."""
     apart, both = _apart(cells, volume, step)
     count = box_sums(both, _BESIDE)
