@@ -52,8 +52,8 @@ def test_slopes_are_limited_and_missing_ones_are_zero():
 
 
 def _height_by_hand(z: np.ndarray, row: int, col: int, divisor: int) -> float:
-    """The rule in words: bilinear between four cells within two cells of height of each other, or on a slope as steep all around, else
-    the nearest cell."""
+    """The rule in words: bilinear between four cells within two cells of height of each other, or on a slope as steep all around,
+    else the nearest cell."""
     y, x = (row + 0.5) / divisor - 0.5, (col + 0.5) / divisor - 0.5
     nearest = z[min(max(int(np.floor(y + 0.5)), 0), 23), min(max(int(np.floor(x + 0.5)), 0), 23)]
     r, c = min(max(int(np.floor(y)), 0), 22), min(max(int(np.floor(x)), 0), 22)
