@@ -51,8 +51,8 @@ _ALL = (
         "RUN [NAME ...]: photographs of the first set",
     ),
     Study(
-        "second_look",
-        "compare.second_look",
+        "found_twice",
+        "compare.found_twice",
         "whether estimates that two sets of photographs find alike are right, on a simulated town",
         "minutes",
         ("tasks/densification", "tasks/matching"),

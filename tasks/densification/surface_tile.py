@@ -39,7 +39,7 @@ from orthomill.tasks.densification.settings.surface_settings import (
 from orthomill.tasks.densification.spike_filter import spikes
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.densification.wall_foot import volume_share, with_volume
-from orthomill.tasks.densification.water import NO_WATER, WaterLevels, levelled
+from orthomill.tasks.densification.water.water_levels import NO_WATER, WaterLevels, levelled
 
 CLASSES = 20
 """classes of the precision histogram, each a tenth of a cell wide; the last is open"""

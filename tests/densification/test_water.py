@@ -10,7 +10,7 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.stage import DensificationStage
 from orthomill.tasks.densification.volume.confidence import Confidence
-from orthomill.tasks.densification.water import SHORE, WaterLevels, levelled, shore_windows, water_levels
+from orthomill.tasks.densification.water.water_levels import SHORE, WaterLevels, levelled, shore_windows, water_levels
 
 GRID = MapGrid(west=0.0, north=100.0, cell=1.0, rows=100, cols=120)
 LAKE = ((20.0, 30.0), (60.0, 30.0), (60.0, 70.0), (20.0, 70.0))

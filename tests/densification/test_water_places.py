@@ -8,7 +8,7 @@ from orthomill.schemas.raster import MapGrid, Window, tiles_of
 from orthomill.tasks.densification.report.densification_report import _place_warnings
 from orthomill.tasks.densification.speckle_blocks import BlockBand, block_grid, speckle_blocks
 from orthomill.tasks.densification.volume.confidence import Confidence
-from orthomill.tasks.densification.water_places import NO_PLACES, FoundPlaces, WaterPlaces, water_places
+from orthomill.tasks.densification.water.water_places import NO_PLACES, FoundPlaces, WaterPlaces, water_places
 
 GRID = MapGrid(west=500.0, north=900.0, cell=0.5, rows=210, cols=250)
 COARSE = block_grid(GRID)

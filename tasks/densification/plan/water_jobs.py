@@ -12,8 +12,8 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.plan.volume_jobs import CONFIDENCE, JUDGED_HEIGHT, volume_height
 from orthomill.tasks.densification.speckle_blocks import BlockBand, block_grid, speckle_blocks
 from orthomill.tasks.densification.volume.levels import SIDE
-from orthomill.tasks.densification.water import WaterLevels, shore_windows, taken_outlines, water_levels
-from orthomill.tasks.densification.water_places import CANDIDATES, WaterPlaces, water_places
+from orthomill.tasks.densification.water.water_levels import WaterLevels, shore_windows, taken_outlines, water_levels
+from orthomill.tasks.densification.water.water_places import CANDIDATES, WaterPlaces, water_places
 
 WATER_OUTLINES = Table("densification/water_outlines.json", WantedArea)
 WATER = Table("densification/water.json", WaterLevels)

@@ -16,8 +16,8 @@ from orthomill.tasks.densification.report.surface_report import figures_of, roun
 from orthomill.tasks.densification.strategies.assigned_windows import AssignedWindows, limits_in_words
 from orthomill.tasks.densification.surface_grid import ground_pixel, parallax_height
 from orthomill.tasks.densification.surface_tile import SurfaceStatistics
-from orthomill.tasks.densification.water import NO_WATER, WaterLevels
-from orthomill.tasks.densification.water_places import CANDIDATES, NO_PLACES, WaterPlaces
+from orthomill.tasks.densification.water.water_levels import NO_WATER, WaterLevels
+from orthomill.tasks.densification.water.water_places import CANDIDATES, NO_PLACES, WaterPlaces
 
 COMPLETE_ENOUGH = 0.7
 """share of nodes inside the photographs below which a pair is worth a warning"""

@@ -1,7 +1,7 @@
 """Whether heights that were found twice, in two sets of photographs that share none, are right: of estimates, on a simulated town.
 
-`python -m benchmarks second_look` flies a town with overlaps of 85 and 70 % and measures it in a folder of its own; `python -m
-benchmarks second_look RUN` takes a finished run of a simulated scene. The photographs are parted in turn, each set has a volume
+`python -m benchmarks found_twice` flies a town with overlaps of 85 and 70 % and measures it in a folder of its own; `python -m
+benchmarks found_twice RUN` takes a finished run of a simulated scene. The photographs are parted in turn, each set has a volume
 of its own over the middle of the block, and the cells that the run calls estimates are looked at: how many of them both sets
 find within a step of the volume, what their differences would state, and how far from the truth they are. Cells that four
 photographs truly see, without the datum of the block. In crowns a height may be that of the ground below: both are visible
@@ -114,7 +114,7 @@ def main(words: list[str]) -> None:
     about = (__doc__ or "").split("\n\n", 1)[1].replace("\n", " ").strip()
 
     def write(run: Path) -> None:
-        write_page("second_look", words, "\n".join(["# A second look at estimates", "", about, "", *rows(run), ""]))
+        write_page("found_twice", words, "\n".join(["# Estimates that were found twice", "", about, "", *rows(run), ""]))
 
     if words:
         write(run_folders(words)[0])

@@ -1,0 +1,1 @@
+"""Water: the level of what is outlined, and what looks like water and is not."""
