@@ -10,6 +10,7 @@ home, temporary and scratch folder of its own, and an empty folder where the com
 
 import os
 import random
+import resource
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from typing import ClassVar, Literal
 from unittest.mock import patch
 
 import numpy as np
+import psutil
 
 from benchmarks.instrument.result_page import ROOT, write_page
 from benchmarks.trust.cluster_nodes import Apart, Cluster, Node, cluster
@@ -192,7 +194,8 @@ class Office:
 class Ending:
     """How the command ended, s after it began; the s of work that its jobs asked for, the s that they took as they were done at
     last, reading and writing included, the s from a worker's joining to its first job, and between two jobs of a worker; results of
-    a run alone, and those that are others in the store."""
+    a run alone, and those that are others in the store; the share of this machine's processors that other programs and the store
+    had."""
 
     code: int
     seconds: float
@@ -202,6 +205,7 @@ class Ending:
     between: float
     results: int
     differing: int
+    others: float
 
 
 def main(words: list[str]) -> None:
@@ -223,7 +227,7 @@ def main(words: list[str]) -> None:
 
 def run(folder: Path, across: int, workers: int, seconds: float) -> tuple[Machines, Ending]:
     """The command, among machines that come and go."""
-    machines = Machines()
+    machines, before = Machines(), _processors()
     with cluster(folder) as started:
         office = Office(started, folder)
         for _ in range(workers):
@@ -236,13 +240,23 @@ def run(folder: Path, across: int, workers: int, seconds: float) -> tuple[Machin
         with _beside(machines, office, seconds):
             code = subprocess.run([sys.executable, "-c", command], cwd=ROOT).returncode
         clock = time.monotonic() - begun
+    busy, own, whole = (after - one for one, after in zip(before, _processors(), strict=True))
     store = bucket_of(f"{STORE}/{PROJECT.project}")
     expected, found = kept(Folder(folder / "alone/runs" / PROJECT.project)), kept(store)
     differing = sum(found.get(name) != digest for name, digest in expected.items()) + len(set(found) - set(expected))
     records = Records(store).sort_out()[0]
     in_jobs = sum(record.seconds for record in records)
     waited = _until_first(records, machines, office), _between(records)
-    return machines, Ending(code, clock, WorkStage(across=across).seconds(), in_jobs, *waited, len(expected), differing)
+    work, others = WorkStage(across=across).seconds(), (busy - own) / whole
+    return machines, Ending(code, clock, work, in_jobs, *waited, len(expected), differing, others)
+
+
+def _processors() -> tuple[float, float, float]:
+    """Seconds that the processors of this machine were busy, those for this study without what has not ended (the store), and
+    all."""
+    times, mine, children = psutil.cpu_times(), os.times(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    whole = sum(times) - times.guest - times.guest_nice
+    return whole - times.idle - times.iowait, mine.user + mine.system + children.ru_utime + children.ru_stime, whole
 
 
 def _until_first(records: tuple[Record, ...], machines: Machines, office: "Office") -> float:
@@ -321,6 +335,7 @@ def page(workers: int, seconds: float, jobs: int, machines: Machines, ending: En
             f"| taken away after a notice | {machines.taken['notice']} |",
             f"| joined meanwhile | {machines.joined} |",
             f"| rasters, tables and products of a run in a folder without workers | {ending.results} |",
+            f"| processors of this machine that other programs and the store had meanwhile, % | {100 * ending.others:.0f} |",
             f"| others in the store, or not the same byte for byte | {ending.differing} |",
         ]
     )
