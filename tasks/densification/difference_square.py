@@ -51,7 +51,7 @@ def square_differences(
     cells = completed(fuse(stack, cell, rules.fusion), volume, cell)
     judged = np.isin(cells.provenance, _MATCHED)
     judged &= _within(tile)
-    return pair_differences(np.array(heights), np.array(sigmas), photographs, matched_ground(cells, tile.step), judged)
+    return pair_differences(np.array(heights), np.array(sigmas), photographs, matched_ground(cells, tile.step, cell), judged)
 
 
 def _within(tile: SurfaceTile) -> np.ndarray:

@@ -193,8 +193,8 @@ def finished_cells(
     grid = tile.surface.grid
     rated = _rated(measured, volume, tile, differences)
     incoherent = rated.provenance == Provenance.INCOHERENT
-    whole = fill(rated, volume.stray & incoherent, groundless(rated) & incoherent, rules.fill)
-    cells = _cropped(with_surroundings(whole, volume.alone), tile)
+    whole = fill(rated, volume.stray & incoherent, groundless(rated, grid.cell) & incoherent, rules.fill)
+    cells = _cropped(with_surroundings(whole, volume.alone, grid.cell), tile)
     cells = levelled(cells, water, grid, tile.window)
     # Last of all: what lies outside is neighbourhood of what lies inside.
     cells = without(cells, ~tile.surface.wanted.cells(grid, tile.window))
@@ -208,7 +208,7 @@ def _rated(measured: FusedCells, volume: VolumeWindow, tile: SurfaceTile, differ
     if tile.window_cells:
         relative = wall_blind_precision(measured, volume, tile.window_cells)
         return FusedCells(measured.height, relative, measured.count, measured.provenance)
-    ground = matched_ground(measured, tile.step)
+    ground = matched_ground(measured, tile.step, tile.surface.grid.cell)
     matched = matched_error(measured, volume, ground, differences)
     share = volume_share(measured, volume, ground, matched)
     relative = relative_precision(measured, volume, ground, matched * np.sqrt(1 - share))

@@ -37,7 +37,7 @@ def volume(height: np.ndarray, confidence: Confidence = Confidence.HIGH, coheren
 
 def share(height: np.ndarray, of: VolumeWindow, sigma: float = SIGMA) -> np.ndarray:
     cells = matched(height)
-    return volume_share(cells, of, matched_ground(cells, STEP), np.full(SHAPE, sigma))
+    return volume_share(cells, of, matched_ground(cells, STEP, 1.0), np.full(SHAPE, sigma))
 
 
 def test_at_the_foot_of_a_high_wall_both_weigh_by_their_variances():
@@ -83,7 +83,7 @@ def test_where_one_of_both_has_no_height_nothing_is_moved(missing: str):
         cells = FusedCells(height, np.full(SHAPE, np.nan, np.float32), cells.count, cells.provenance)
     if missing == "volume":
         of = VolumeWindow(np.full(SHAPE, np.nan, np.float32), of.judgement, of.confidence)
-    shares = volume_share(cells, of, matched_ground(cells, STEP), np.full(SHAPE, SIGMA))
+    shares = volume_share(cells, of, matched_ground(cells, STEP, 1.0), np.full(SHAPE, SIGMA))
     assert (shares == 0).all()
     assert (with_volume(height, of, shares) == height).all()
 

@@ -12,6 +12,7 @@ from orthomill.schemas.surface import Surface
 from orthomill.tasks.densification.canopy.depth_map import STEP
 from orthomill.tasks.densification.canopy.votes import MOST, cast, elected, smoothed
 from orthomill.tasks.densification.ground_intersection import nodes_on_ground
+from orthomill.tasks.densification.precision.natural_sizes import LEAVES, natural
 from orthomill.tasks.densification.surface_grid import ground_pixel
 from orthomill.tasks.geometry.epipolar_window import box_corners, node_window
 
@@ -73,7 +74,7 @@ def canopy_heights(tile: CanopyTile, maps: Iterable[np.ndarray]) -> np.ndarray:
         reach = min(_COVERS * pixel_of(piece.pair) / tile.surface.grid.cell, float(_WIDEST))
         cast(votes, count, _places(tile, piece, parallax), reach, highest)
     inner = tile.window.within(tile.around).slices
-    return smoothed(elected(votes, count), tile.smooth)[inner]
+    return smoothed(elected(votes, count, natural(LEAVES, tile.surface.grid.cell)), tile.smooth)[inner]
 
 
 def _places(tile: CanopyTile, piece: DepthPiece, parallax: np.ndarray) -> np.ndarray:

@@ -11,8 +11,6 @@ from orthomill.kernels.kernel_compilation import njit
 
 MOST = 16
 """depth maps that vote in a cell; the first that show it"""
-APART = 1.5
-"""m: leaves of one crown differ by so much in depth"""
 _FEWEST = 3
 """maps that must agree: two may follow the same leaf that moved"""
 _COMPANY = 0.3
@@ -44,8 +42,9 @@ def cast(votes, count, places, reach, highest):
 
 
 @njit()
-def elected(votes, count):
-    """Heights (rows, cols) float32 of the largest group of `votes`; NaN where fewer agree than must."""
+def elected(votes, count, apart):
+    """Heights (rows, cols) float32 of the largest group of `votes` that differ by no more than `apart` (m); NaN where fewer agree
+    than must."""
     rows, cols = count.shape
     out = np.full((rows, cols), np.float32(np.nan))
     for r in range(rows):
@@ -54,14 +53,14 @@ def elected(votes, count):
             for i in range(count[r, c]):
                 seed, agree = votes[i, r, c], 0
                 for j in range(count[r, c]):
-                    agree += abs(votes[j, r, c] - seed) <= APART
+                    agree += abs(votes[j, r, c] - seed) <= apart
                 if agree > most or (agree == most and seed > best):
                     most, best = agree, seed
             if most < _FEWEST:
                 continue
             total = 0.0
             for j in range(count[r, c]):
-                if abs(votes[j, r, c] - best) <= APART:
+                if abs(votes[j, r, c] - best) <= apart:
                     total += votes[j, r, c]
             out[r, c] = total / most
     return out

@@ -28,6 +28,8 @@ class MatchedGround:
     fall: np.ndarray
     step: float
     """between the heights of the volume, m"""
+    cell: float
+    """m"""
 
     @property
     def roughness(self) -> np.ndarray:
@@ -46,9 +48,9 @@ class MatchedGround:
         return self.torn > _WALL * self.step
 
 
-def matched_ground(cells: FusedCells, step: float) -> MatchedGround:
-    """The ground around the cells, which have the standard errors that matching states; step: between the heights of the volume,
-    m."""
+def matched_ground(cells: FusedCells, step: float, cell: float) -> MatchedGround:
+    """The ground around the cells, which have the standard errors that matching states and are `cell` m wide; step: between the
+    heights of the volume, m."""
     height = cells.height
     known = np.isfinite(height)
     highest, lowest = extremes(height, known, _WINDOW)
@@ -61,4 +63,5 @@ def matched_ground(cells: FusedCells, step: float) -> MatchedGround:
         rise=np.where(known, np.maximum(highest - height - slope, 0.0), 0.0),
         fall=np.where(known, np.maximum(height - lowest - slope, 0.0), 0.0),
         step=step,
+        cell=cell,
     )

@@ -31,6 +31,7 @@ from orthomill.tasks.densification.completion import VolumeWindow
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import height_range
 from orthomill.tasks.densification.precision.matched_ground import GROUND_REACH, MatchedGround
+from orthomill.tasks.densification.precision.natural_sizes import LEAVES, natural
 from orthomill.tasks.densification.precision.pair_differences import MatchingDifferences, factor_of
 from orthomill.tasks.densification.volume.coherent_levels import standard_errors
 from orthomill.tasks.densification.volume.quality import box_sums
@@ -61,9 +62,6 @@ _STRANGE, _SQUARE = 0.9, 4
 _STRAINED, _STRAIN, _TORN = 0.7, 0.3, 2
 """distinctiveness below which a height is strained, the share of the height differences that this adds, and how many cells away
 these count"""
-_LEAVES = 1.5
-"""m by which what stands alone lies below its envelope: sets of photographs agree on the leaves that they see, and the first of
-these begin higher (`python -m benchmarks closed_wood`)"""
 REACH = max(_BESIDE, _SQUARE, _DIFFER, GROUND_REACH)
 """cells around a cell whose heights enter its standard error"""
 
@@ -75,7 +73,10 @@ def relative_precision(cells: FusedCells, volume: VolumeWindow, ground: MatchedG
     doubt = np.float32(_DOUBT * step) * volume.size * np.exp(-least / np.float32(_CLEAR))
     own = np.where(np.isfinite(cells.precision), matched, np.hypot(volume_error(cells, volume, step), doubt))
     sigma = np.sqrt(own**2 + _strangeness(cells, volume, step) ** 2 + _strain(cells, volume, ground).astype(float) ** 2)
-    sigma = np.where(volume.alone, np.hypot(standard_errors(volume.level, step), _LEAVES), sigma)
+    # What stands alone lies below its envelope: sets of photographs agree on the leaves that they see, and the first of these begin
+    # higher (`python -m benchmarks closed_wood`).
+    below = natural(LEAVES, ground.cell)
+    sigma = np.where(volume.alone, np.hypot(standard_errors(volume.level, step), below), sigma)
     return np.where(np.isfinite(cells.height), sigma, np.nan).astype(np.float32)
 
 

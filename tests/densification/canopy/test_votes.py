@@ -25,12 +25,12 @@ def cells(*heights: float) -> tuple[np.ndarray, np.ndarray]:
     ],
 )
 def test_the_largest_group_wins_and_of_two_the_higher(heights, height):
-    assert elected(*cells(*heights))[0, 0] == pytest.approx(height, nan_ok=True)
+    assert elected(*cells(*heights), 1.5)[0, 0] == pytest.approx(height, nan_ok=True)
 
 
 def test_no_more_maps_vote_than_there_is_room_for():
     votes, count = cells(*([5.0] * MOST + [50.0] * MOST))
-    assert count[0, 0] == MOST and elected(votes, count)[0, 0] == 5
+    assert count[0, 0] == MOST and elected(votes, count, 1.5)[0, 0] == 5
 
 
 def test_a_map_votes_once_in_every_cell_that_its_pixels_cover():

@@ -23,7 +23,7 @@ PHOTOGRAPHS = [frozenset("ab"), frozenset("bc"), frozenset("cd")]
 
 def ground(roughness: float = 0.014, rise: float = 0.0, shape: tuple[int, int] = SHAPE) -> MatchedGround:
     single = np.full(shape, SIGMA)
-    return MatchedGround(single, roughness * single, np.full(shape, rise), np.zeros(shape), STEP)
+    return MatchedGround(single, roughness * single, np.full(shape, rise), np.zeros(shape), STEP, 1.0)
 
 
 def counted(worth: float, around: MatchedGround, photographs=PHOTOGRAPHS, judged=None):
@@ -87,7 +87,7 @@ def test_squares_add_up():
 def test_between_the_classes_the_factor_is_interpolated():
     rough = np.geomspace(1e-4, 10, 400)[None]
     one = np.ones_like(rough)
-    found = factor_of(MatchedGround(one, rough, 0 * one, 0 * one, STEP), NO_DIFFERENCES)[0]
+    found = factor_of(MatchedGround(one, rough, 0 * one, 0 * one, STEP, 1.0), NO_DIFFERENCES)[0]
     assert found[[0, -1]].tolist() == factors(NO_DIFFERENCES)[0, [0, CLASSES - 1]].tolist()
     assert np.abs(np.diff(found)).max() < 0.01
 
@@ -96,7 +96,7 @@ def test_what_rises_beside_a_cell_is_a_wall_and_a_slope_is_none():
     row, col = np.indices((40, 60))
     slope = (0.3 * col - 0.2 * row).astype(np.float32)
     walled = np.where(col < 30, slope, slope + 8).astype(np.float32)
-    flat, beside = (matched_ground(cells(height), STEP) for height in (slope, walled))
+    flat, beside = (matched_ground(cells(height), STEP, 1.0) for height in (slope, walled))
     assert not flat.walled[11:-11, 11:-11].any() and flat.uneven[11:-11, 11:-11].max() < 1e-5
     middle = 20
     assert beside.rise[middle, 29] > 5 and beside.fall[middle, 29] == 0 and beside.rise[middle, 25] > 2
@@ -105,7 +105,7 @@ def test_what_rises_beside_a_cell_is_a_wall_and_a_slope_is_none():
 
 
 def test_the_standard_error_of_one_pair_follows_from_that_of_several():
-    level = matched_ground(cells(np.full((20, 20), 10.0, np.float32), count=4), STEP)
+    level = matched_ground(cells(np.full((20, 20), 10.0, np.float32), count=4), STEP, 1.0)
     assert level.single == pytest.approx(2 * SIGMA) and (level.roughness == 0).all()
 
 

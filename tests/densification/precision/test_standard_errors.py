@@ -37,7 +37,7 @@ def rated(
 
 
 def precision_of(cells: FusedCells, volume: VolumeWindow, differences: MatchingDifferences = NO_DIFFERENCES) -> np.ndarray:
-    ground = matched_ground(cells, STEP)
+    ground = matched_ground(cells, STEP, 1.0)
     return relative_precision(cells, volume, ground, matched_error(cells, volume, ground, differences))
 
 

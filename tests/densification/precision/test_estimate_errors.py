@@ -17,7 +17,7 @@ def guessed(height: np.ndarray, code: np.ndarray, alone: bool = False) -> np.nda
     """Standard errors of heights (rows, cols) m with codes of Provenance, of which what was measured is good to 0.1 m."""
     shape = height.shape
     cells = FusedCells(height.astype(np.float32), np.full(shape, 0.1, np.float32), np.zeros(shape, np.uint8), code)
-    return with_surroundings(cells, np.full(shape, alone)).precision
+    return with_surroundings(cells, np.full(shape, alone), 1.0).precision
 
 
 def gap(rows: slice, cols: slice, guess: Provenance = Provenance.INCOHERENT) -> np.ndarray:
@@ -65,7 +65,7 @@ def test_what_the_best_around_is_worth_bounds_a_guess():
     codes, precision = gap(*GAP), np.full((41, 61), 0.5, np.float32)
     precision[:, :20] = 0.02
     cells = FusedCells(np.zeros(codes.shape, np.float32), precision, np.zeros(codes.shape, np.uint8), codes)
-    found = with_surroundings(cells, np.zeros(codes.shape, bool)).precision
+    found = with_surroundings(cells, np.zeros(codes.shape, bool), 1.0).precision
     assert found[20, 30] == pytest.approx(0.02) and found[5, 30] == np.float32(0.5)
 
 
@@ -96,7 +96,7 @@ def test_estimates_far_below_the_ground_around_and_too_uncertain_to_be_trees_are
     precision = np.full(height.shape, 20.0, np.float32)
     height[:, 8:], height[:, 20] = -30.0, 95.0
     precision[:, 10] = 5.0
-    found = groundless(FusedCells(height, precision, np.ones(height.shape, np.uint8), code))[4]
+    found = groundless(FusedCells(height, precision, np.ones(height.shape, np.uint8), code), 1.0)[4]
     near = np.arange(60) < 8 + REACH
     # Not the ground itself, what is certain enough, what lies within trees' height of the ground, or what has no ground around.
     expected = near & (np.arange(60) >= 8) & ~np.isin(np.arange(60), (10, 20))
@@ -116,7 +116,7 @@ def estimates(count: int, coherence: int, beside: float) -> FusedCells:
     judgement = np.zeros((*SHAPE, len(Judgement)), np.uint8)
     judgement[..., Judgement.COHERENCE] = coherence
     volume = VolumeWindow(height, judgement, np.full(SHAPE, Confidence.LOW, np.uint8))
-    return with_shown(cells, volume, matched_ground(cells, 1.0))
+    return with_shown(cells, volume, matched_ground(cells, 1.0, 1.0))
 
 
 @pytest.mark.parametrize(
