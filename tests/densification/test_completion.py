@@ -105,3 +105,19 @@ def test_the_datum_error_is_the_same_in_any_window():
 
 def test_without_covariance_the_orientation_adds_nothing():
     assert (datum_precision([level_pair()], LEVEL_GRID, WHOLE, 10.0) == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("around", "own", "stray"),
+    [(95, 45, False), (95, 35, True), (60, 45, True), (60, 55, False)],
+    ids=["rim", "blunder", "leaf", "tree"],
+)
+def test_the_rim_of_a_roof_is_no_stray_height_in_a_town_and_would_be_one_in_a_wood(around: int, own: int, stray: bool):
+    shape, middle = (60, 60), (30, 30)
+    judgement = np.zeros((*shape, len(Judgement)), np.uint8)
+    judgement[..., Judgement.COHERENCE] = around
+    judgement[(*middle, Judgement.COHERENCE)] = own
+    volume = VolumeWindow(np.full(shape, 8.0, np.float32), judgement, np.full(shape, Confidence.LOW, np.uint8))
+    assert volume.stray[middle] == stray
+    sure = VolumeWindow(volume.height, judgement, np.full(shape, Confidence.HIGH, np.uint8))
+    assert not sure.stray.any()
