@@ -6,7 +6,6 @@ the wind from photograph to photograph, have gaps, and leaves at many depths, as
 """
 
 import json
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-import yaml
 from scipy import ndimage
 
 import orthomill as library
 from benchmarks.instrument.result_page import write_page
-from benchmarks.measured_run import run_folders, run_project
+from benchmarks.measured_run import named_or_new_run
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import HEIGHT, ORTHO, PROVENANCE, RELATIVE_PRECISION, SURFACE, Provenance
 from orthomill.schemas.truth import TRUTH_GRID, TRUTH_ORTHO, TRUTH_SURFACE, TRUTH_VISIBILITY
@@ -217,12 +215,5 @@ def page(run: Path) -> str:
 
 def main(words: list[str]) -> None:
     """Write the page: of the finished run that is named, or of a new one."""
-    if words:
-        write_page(PROJECT, words, page(run_folders(words)[0]))
-        return
-    with tempfile.TemporaryDirectory() as scratch:
-        root = Path(scratch)
-        (root / "workflows").mkdir()
-        (root / "workflows" / f"{PROJECT}.yaml").write_text(yaml.safe_dump(WORKFLOW, sort_keys=False))
-        run_project(root, PROJECT)
-        write_page(PROJECT, words, page(root / "runs" / PROJECT))
+    with named_or_new_run(words, WORKFLOW) as run:
+        write_page(PROJECT, words, page(run))

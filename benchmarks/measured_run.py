@@ -5,12 +5,17 @@ import resource
 import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
+import yaml
 
 from benchmarks.instrument.result_page import ROOT
 
@@ -78,6 +83,22 @@ def run_project(root: Path, project: str) -> MeasuredRun:
     if run.code != 0:
         raise SystemExit(run.output)
     return run
+
+
+@contextmanager
+def named_or_new_run(words: list[str], workflow: dict[str, Any]) -> Iterator[Path]:
+    """The folder of the finished run that is named, or of a new one of `workflow`, which is gone afterwards. Raises SystemExit
+    for one that is none or fails."""
+    if words:
+        yield run_folders(words)[0]
+        return
+    project = workflow["project"]
+    with tempfile.TemporaryDirectory() as scratch:
+        root = Path(scratch)
+        (root / "workflows").mkdir()
+        (root / "workflows" / f"{project}.yaml").write_text(yaml.safe_dump(workflow, sort_keys=False))
+        run_project(root, project)
+        yield root / "runs" / project
 
 
 def run_folders(words: list[str], *projects: str) -> tuple[Path, ...]:

@@ -8,17 +8,15 @@ photographs truly see, without the datum of the block. In crowns a height may be
 there.
 """
 
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from benchmarks.compare.disjoint_halves import halves
 from benchmarks.instrument.result_page import write_page
-from benchmarks.measured_run import run_folders, run_project
+from benchmarks.measured_run import named_or_new_run
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas import truth
 from orthomill.schemas.raster import Window
@@ -112,16 +110,5 @@ def _within(off: np.ndarray) -> float:
 def main(words: list[str]) -> None:
     """Write the page: of the finished run that is named, or of a new one."""
     about = (__doc__ or "").split("\n\n", 1)[1].replace("\n", " ").strip()
-
-    def write(run: Path) -> None:
+    with named_or_new_run(words, WORKFLOW) as run:
         write_page("found_twice", words, "\n".join(["# Estimates that were found twice", "", about, "", *rows(run), ""]))
-
-    if words:
-        write(run_folders(words)[0])
-        return
-    with tempfile.TemporaryDirectory() as scratch:
-        root = Path(scratch)
-        (root / "workflows").mkdir()
-        (root / "workflows" / f"{PROJECT}.yaml").write_text(yaml.safe_dump(WORKFLOW, sort_keys=False))
-        run_project(root, PROJECT)
-        write(root / "runs" / PROJECT)

@@ -8,13 +8,13 @@ from orthomill.schemas.surface import Provenance
 from orthomill.tasks.densification.fusion import FusedCells
 from orthomill.tasks.densification.height_differences import even
 from orthomill.tasks.densification.volume.confidence import Confidence
-from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement, box_sums
+from orthomill.tasks.densification.volume.quality import LEVEL_UNIT, STRETCH_UNIT, Judgement, coheres_less
 
 _COMPANY, _IN_COMPANY = 50, 40
 """% of the cells around that go along with a height, below which it stands alone: in general, and where heights go along with each
 other far and wide, as in a town, where the rim of a roof has fewer than half; below leaves and on water such heights are wrong"""
-_FAR, _COHERENT = 18, 80
-"""cells on every side whose mean coherence says so, and % from which on it does"""
+_COHERENT = 80
+"""%, the mean coherence far and wide from which on they do"""
 
 
 class VolumeWindow(NamedTuple):
@@ -35,8 +35,8 @@ class VolumeWindow(NamedTuple):
     def stray(self) -> np.ndarray:
         """(rows, cols) bool: estimates with which too few of the cells around go along."""
         coherence = self.judgement[..., Judgement.COHERENCE]
-        mean = box_sums(coherence, _FAR) / box_sums(np.ones(coherence.shape, bool), _FAR)
-        return (self.confidence == Confidence.LOW) & (coherence < np.where(mean < _COHERENT, _COMPANY, _IN_COMPANY))
+        apart = coheres_less(coherence, np.ones(coherence.shape, bool), _COHERENT)
+        return (self.confidence == Confidence.LOW) & (coherence < np.where(apart, _COMPANY, _IN_COMPANY))
 
     @property
     def size(self) -> np.ndarray:

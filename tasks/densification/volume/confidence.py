@@ -31,6 +31,7 @@ from orthomill.tasks.densification.volume.quality import (
     Band,
     Judgement,
     box_sums,
+    coheres_less,
     judgement,
 )
 from orthomill.tasks.densification.volume.terrain import at_cells, places_around
@@ -61,8 +62,6 @@ class JudgedVolume(NamedTuple):
     confidence: np.ndarray
 
 
-_FAR = 18
-"""cells on every side whose mean coherence says whether a height stands alone far and wide"""
 _COMPANY = 50
 """%, the mean coherence below which it does"""
 _SPARSE = 70
@@ -226,14 +225,9 @@ def _bordered(height: np.ndarray, enclosed: np.ndarray) -> np.ndarray:
 
 def _alone(quality: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: where the mean coherence of the surroundings is too low."""
-    return _around_below(_COMPANY, quality, known)
+    return coheres_less(quality[..., Band.COHERENCE], known, _COMPANY)
 
 
 def _sparse(quality: np.ndarray, known: np.ndarray) -> np.ndarray:
     """(rows, cols) bool: where too few go along to trust that a height which fits all photographs is a leaf's."""
-    return known & _around_below(_SPARSE, quality, known)
-
-
-def _around_below(limit: int, quality: np.ndarray, known: np.ndarray) -> np.ndarray:
-    total = box_sums(np.where(known, quality[..., Band.COHERENCE], 0), _FAR)
-    return total < limit * box_sums(known, _FAR)
+    return known & coheres_less(quality[..., Band.COHERENCE], known, _SPARSE)

@@ -53,6 +53,8 @@ class Judgement(IntEnum):
 
 SURROUNDINGS = 32
 """cells on every side over which margins are compared"""
+FAR = 18
+"""cells on every side whose mean coherence says whether heights go along with each other far and wide"""
 _MOST = 100
 """% of the bits, a margin beyond which no rival matters"""
 
@@ -74,6 +76,12 @@ def judgement(quality: np.ndarray) -> np.ndarray:
     no_level = np.zeros(known.shape, np.uint8)
     bands = quality[..., Band.COHERENCE], np.rint(distinctiveness), spread, quality[..., Band.STRETCH], no_level
     return np.stack([np.minimum(band, 255).astype(np.uint8) for band in bands], axis=-1)
+
+
+def coheres_less(coherence: np.ndarray, counted: np.ndarray, limit: int) -> np.ndarray:
+    """(rows, cols) bool: where the mean `coherence` (rows, cols), % as `Band.COHERENCE`, of the cells far and wide that are
+    `counted` (rows, cols) bool is below `limit`, %."""
+    return box_sums(np.where(counted, coherence, 0), FAR) < limit * box_sums(counted, FAR)
 
 
 def box_sums(values: np.ndarray, half: int) -> np.ndarray:
