@@ -30,6 +30,7 @@ from orthomill.tasks.colouring.sampling.photograph_colours import PhotoPixelsAt
 from orthomill.tasks.colouring.widening.occlusion_factor import occlusion_factor
 from orthomill.tasks.geometry.footprint import photo_window
 from orthomill.tasks.geometry.view import View, block_view
+from orthomill.tasks.texture.edges.drawn_edges import DrawnEdges, drawn_edges
 from orthomill.tasks.texture.edges.edge_places import HALO as EDGE_HALO
 from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges, measured_edges
 from orthomill.tasks.texture.ground.draping import HALO, drape, far_from_heights, height_sources
@@ -101,6 +102,8 @@ class TileTexture(BaseModel):
     """the greatest number of photos that see a pixel"""
     photo_seen: dict[str, int]
     """photo -> pixels that it sees"""
+    drawn: DrawnEdges
+    """straight edges of the photographs in the orthoimage"""
 
 
 class OrthoTile(NamedTuple):
@@ -325,6 +328,7 @@ def texture_tile(
         missed=missed,
         most=int(coverage.max()),
         photo_seen=dict(zip(names, seen.tolist(), strict=True)),
+        drawn=drawn_edges(scene.edges, extent.ortho, extent.window, ortho, around, extent.divisor),
     )
     return OrthoTile(ortho, coverage, rejected, sources, source, statistics, scene.edges)
 

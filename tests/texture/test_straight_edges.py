@@ -4,7 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from box_scene import BOX, CENTRES, DSM, ORTHO, heights, render, view
+from box_scene import BOX, CENTRES, DSM, ORTHO, heights, sharp_photograph, view
 
 from orthomill.schemas.raster import Window
 from orthomill.tasks.colouring.balance.radiometric_balance import balance_block
@@ -22,28 +22,13 @@ from orthomill.tasks.visibility.height_model import HeightModel
 
 WHOLE, CELLS = Window(0, 0, 240, 240), Window(0, 0, 120, 120)
 WEST, EAST, SOUTH, NORTH, TOP = BOX
-SUBPIXEL = 4
-"""rays along a pixel: a photograph of single rays has edges of whole pixels"""
-
-
-def photograph(name: str) -> np.ndarray:
-    """The box as a camera sees it: every pixel the mean of many rays."""
-    photo = view(name)
-    fine = replace(
-        photo,
-        camera=photo.camera.model_copy(
-            update={**{key: getattr(photo.camera, key) * SUBPIXEL for key in ("width", "height", "c", "x0", "y0")}}
-        ),
-    )
-    side = photo.camera.width
-    return render(fine).reshape(side, SUBPIXEL, side, SUBPIXEL, 3).mean(axis=(1, 3))
 
 
 @pytest.fixture(scope="module")
 def photos() -> list[BalancedPhotograph]:
     none = Samples(*(np.zeros(0, kind) for kind in (np.int64, np.int32, *4 * (np.float32,))))
     balance = balance_block(list(CENTRES), none, 255.0, False)
-    pixels = {name: np.rint(photograph(name)).astype(np.uint8) for name in CENTRES}
+    pixels = {name: sharp_photograph(name) for name in CENTRES}
     return [BalancedPhotograph(view(n), PhotoPixelsAt(pixels[n], Window(0, 0, 420, 420), 0), balance) for n in CENTRES]
 
 

@@ -6,6 +6,7 @@ from orthomill.schemas.surface import HeightSource
 from orthomill.tasks.colouring.balance.photo_radiometry import PhotoRadiometry, Radiometry
 from orthomill.tasks.colouring.blending.colour_sums import ColourSums
 from orthomill.tasks.colouring.report.colour_words import COVERAGE_COLOURS, coverage_classes
+from orthomill.tasks.texture.edges.drawn_edges import DrawnEdges
 from orthomill.tasks.texture.mosaic import TileTexture
 from orthomill.tasks.texture.report.texture_report import TextureFacts, texture_report
 
@@ -32,6 +33,7 @@ def tile(**changes) -> TileTexture:
         "missed": 10,
         "most": 4,
         "photo_seen": {"a": 900, "b": 700},
+        "drawn": DrawnEdges(),
     }
     colours = {name: changes.pop(name) for name in ColourSums.model_fields if name in changes}
     return TileTexture(**{**facts, **changes}, colours=COLOURS.model_copy(update=colours))
@@ -193,3 +195,20 @@ def test_the_verdict_is_the_share_of_the_photographed_ground_that_is_shown(chang
 def test_nearly_all_is_never_rounded_to_all():
     made = report(tile(pixels=1_000_000, outside=0, hidden=0, missed=1))
     assert "99.9 %" in made.verdict.sentence
+
+
+def drawn(jagged: float, in_photos: float) -> DrawnEdges:
+    return DrawnEdges(places=10, drawn=8, squares=100 * jagged**2, profiles=100, photo_squares=90 * in_photos**2, photo_profiles=90)
+
+
+def test_edges_stand_beside_those_of_the_photographs():
+    made = report(tile(drawn=drawn(0.5, 0.4)), tile(drawn=drawn(0.7, 0.4)), tile())
+    found = values(made)
+    assert (found["edges_drawn"], found["edges_jagged"], found["edges_jagged_in_photos"]) == (80.0, 0.608, 0.4)
+    assert not any("frayed" in words for words in made.warnings)
+    assert "edges_jagged" not in values(report())
+
+
+@pytest.mark.parametrize(("jagged", "in_photos", "told"), [(1.6, 0.5, True), (1.6, 1.2, False), (0.9, 0.2, False)])
+def test_edges_are_called_frayed_where_photographs_show_them_straight(jagged, in_photos, told):
+    assert any("frayed" in words for words in report(tile(drawn=drawn(jagged, in_photos))).warnings) == told

@@ -57,18 +57,8 @@ def edge_changes(view: View, part: PhotoPixelsAt, planes: EdgePlanes, cell: floa
     s, a = offsets(divisor), along_parts(divisor)
     wide = np.arange(s[0] * STEPS - _FADE * STEPS, s[-1] * STEPS + _FADE * STEPS + 1) / STEPS
     out = np.full((len(planes.point), PARTS, len(s)), np.nan, np.float32)
-    foot, across, along = (view.project(point) for point in _frame_points(planes, cell))
-    across, along = across - foot, along - foot
-    # A piece is a parallelogram in the photograph: it is inside if its corners are.
-    corners = [foot + t * along + u * across for t in (a.min(), a.max()) for u in (wide[0], wide[-1])]
-    shown = np.flatnonzero(np.all([view.contains(corner, 1.0) for corner in corners], axis=0))
-    foot, across, along = foot[shown], across[shown], along[shown]
-    places = (
-        foot[:, None, None, None] + a[:, :, None, None] * along[:, None, None, None] + wide[:, None] * across[:, None, None, None]
-    )
-    colour, held = colours_at(part, (view.camera.height, view.camera.width), places.reshape(-1, 2))
-    colour[~held] = np.nan
-    rows = colour.reshape(*places.shape[:-1], colour.shape[1])
+    shown, colours = edge_colours(view, part, planes, cell, a.ravel(), wide)
+    rows = colours.reshape(len(shown), PARTS, ROWS, len(wide), colours.shape[-1])
     # Of so few rows a mean along the axis takes longer than all the rest.
     mean = sum((rows[:, :, k] for k in range(ROWS)), np.float32(0)) / np.float32(ROWS)
     slope = ndimage.gaussian_filter1d(mean, _BLUR * STEPS, axis=2, order=1, truncate=_FADE) * STEPS
@@ -77,9 +67,34 @@ def edge_changes(view: View, part: PhotoPixelsAt, planes: EdgePlanes, cell: floa
     return out
 
 
+def edge_colours(
+    view: View, part: PhotoPixelsAt, planes: EdgePlanes, cell: float, along: np.ndarray, across: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (M,) of the places whose piece the photograph shows, and its colours (M, T, S, bands) float32 at the distances
+    `along` (T,) and `across` (S,) px of the orthoimage, NaN where the part does not hold them. `cell`: side of its pixel, m."""
+    foot, right, up = (view.project(point) for point in _frame_points(planes, cell))
+    right, up = right - foot, up - foot
+    # A piece is a parallelogram in the photograph: it is inside if its corners are.
+    corners = [foot + t * up + u * right for t in (along.min(), along.max()) for u in (across[0], across[-1])]
+    shown = np.flatnonzero(np.all([view.contains(corner, 1.0) for corner in corners], axis=0))
+    foot, right, up = (vectors[shown, None, None] for vectors in (foot, right, up))
+    places = foot + along[:, None, None] * up + across[:, None] * right
+    colour, held = colours_at(part, (view.camera.height, view.camera.width), places.reshape(-1, 2))
+    colour[~held] = np.nan
+    return shown, colour.reshape(*places.shape[:-1], colour.shape[1])
+
+
 def _frame_points(planes: EdgePlanes, cell: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (N, 3) m: the places, and those a pixel across and along from them on the plane of the upper surface."""
     out = [planes.point]
     for direction, slope in ((planes.normal, planes.across), (planes.tangent, planes.along)):
         out.append(planes.point + cell * np.column_stack([direction, slope]))
     return out[0], out[1], out[2]
+
+
+def lean_of(centre: np.ndarray, planes: EdgePlanes) -> np.ndarray:
+    """How far (N,) a metre of height displaces the edge outwards on the plane of the upper surface, m."""
+    away = planes.point - centre
+    tangent = (away[:, :2] * planes.normal).sum(axis=1) / np.maximum(-away[:, 2], 1e-6)
+    # Where the plane rises with the ray, it is met sooner.
+    return tangent / np.maximum(1.0 + tangent * planes.across, 0.2)

@@ -11,7 +11,7 @@ from orthomill.tasks.colouring.edges.sharpened_ground import PartedPixels
 from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph
 from orthomill.tasks.texture.edges.edge_places import edge_places
 from orthomill.tasks.texture.edges.edge_positions import edge_fits
-from orthomill.tasks.texture.edges.edge_profiles import EdgePlanes, along_parts, edge_changes
+from orthomill.tasks.texture.edges.edge_profiles import EdgePlanes, along_parts, edge_changes, lean_of
 
 _AT_ONCE = 256  # places whose profiles are held
 _COUNTS = ("photos", "asked")
@@ -84,7 +84,7 @@ def _measured(planes: EdgePlanes, step: np.ndarray, photos: list[BalancedPhotogr
     if not photos or not len(step):
         return no_edges()
     changes = [edge_changes(photo.view, photo.part, planes, cell, divisor) for photo in photos]
-    lean = np.column_stack([_lean(photo.view.centre, planes) / cell for photo in photos])
+    lean = np.column_stack([lean_of(photo.view.centre, planes) / cell for photo in photos])
     fit = edge_fits(np.stack(changes, axis=1), lean, along_parts(divisor).mean(axis=1), cell, divisor)
     found = fit.photos >= 2
     across, turn = fit.across[found] * cell, fit.turn[found]
@@ -107,11 +107,3 @@ def _measured(planes: EdgePlanes, step: np.ndarray, photos: list[BalancedPhotogr
         photos=fit.photos[found],
         asked=fit.asked[found],
     )
-
-
-def _lean(centre: np.ndarray, planes: EdgePlanes) -> np.ndarray:
-    """How far (N,) a metre of height displaces the edge outwards on the plane of the upper surface, m."""
-    away = planes.point - centre
-    tangent = (away[:, :2] * planes.normal).sum(axis=1) / np.maximum(-away[:, 2], 1e-6)
-    # Where the plane rises with the ray, it is met sooner.
-    return tangent / np.maximum(1.0 + tangent * planes.across, 0.2)

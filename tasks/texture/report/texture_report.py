@@ -21,6 +21,7 @@ from orthomill.tasks.colouring.report.colour_words import (
     rejected_figure,
     seen_figures,
 )
+from orthomill.tasks.texture.edges.drawn_edges import DrawnEdges, all_drawn
 from orthomill.tasks.texture.edges.grown_lines import EdgeSums
 from orthomill.tasks.texture.mosaic import TileTexture
 
@@ -66,6 +67,7 @@ _EDGE_PRODUCTS = (
 _FILLED = 0.99
 """Share of the photographed ground that a good orthoimage shows."""
 # Shares of pixels and colours, and grey levels, from which on a warning helps: below, vehicles and facades explain them.
+_MOST_JAGGED, _MORE_THAN_PHOTOS = 1.0, 1.5  # px; times what photographs show
 _MOST_HIDDEN, _MOST_REJECTED, _MOST_DIFFERENCE = 0.05, 0.25, 10.0
 
 
@@ -90,6 +92,7 @@ class _Totals:
     hidden: int
     missed: int
     colours: ColourSums
+    drawn: DrawnEdges
 
     @property
     def with_height(self) -> int:
@@ -105,6 +108,7 @@ def _totals(statistics: tuple[TileTexture, ...]) -> _Totals:
         hidden=sum(tile.hidden for tile in statistics),
         missed=sum(tile.missed for tile in statistics),
         colours=sum_of(tile.colours for tile in statistics),
+        drawn=all_drawn([tile.drawn for tile in statistics]),
     )
 
 
@@ -167,6 +171,22 @@ def _edge_figures(edges: tuple[EdgeSums, ...]) -> Iterator[Figure]:
             unit="m",
             sentence="Standard error across them, within the block (root mean square along all of them).",
         )
+
+
+def _drawn_figures(drawn: DrawnEdges) -> Iterator[Figure]:
+    if not drawn.places:
+        return
+    known = "Places at edges that are straight in the photographs, whose edge the orthoimage shows."
+    own = "Departure of these edges from straight lines in the orthoimage (root mean square)."
+    photos = "The same in the photograph that looks down most steeply: noise, and what lies beside them."
+    shares = (
+        ("edges_drawn", _share(drawn.drawn, drawn.places), "%", known),
+        ("edges_jagged", drawn.jagged, "px", own),
+        ("edges_jagged_in_photos", drawn.photo_jagged, "px", photos),
+    )
+    for name, value, unit, sentence in shares:
+        if value is not None:
+            yield Figure(name=name, value=round(value, 3), unit=unit, sentence=sentence)
 
 
 def _photo_grid(statistics: tuple[TileTexture, ...], radiometry: Radiometry) -> Grid:
@@ -250,10 +270,20 @@ def _other_warnings(statistics: tuple[TileTexture, ...], totals: _Totals, radiom
             f"{_share(totals.hidden, totals.pixels):.1f} % of the orthoimage is hidden by objects in front from every photo that "
             f"shows the place; it stays transparent. {MORE_SIDES}"
         )
+    yield from _frayed(totals.drawn)
     yield from _balance_warnings(radiometry)
     idle = [photo.photo for photo in radiometry.photos if not any(tile.photo_seen.get(photo.photo) for tile in statistics)]
     if idle:
         yield f"No ground of the orthoimage is seen by: {', '.join(idle)}."
+
+
+def _frayed(drawn: DrawnEdges) -> Iterator[str]:
+    jagged, in_photos = drawn.jagged or 0.0, drawn.photo_jagged or 0.0
+    if jagged > max(_MOST_JAGGED, _MORE_THAN_PHOTOS * in_photos):
+        yield (
+            f"Edges of roofs and walls are frayed: they depart by {jagged:.1f} px from straight lines, in the photographs by "
+            f"{in_photos:.1f} px. Heights beside walls may be wrong; draw along the lines of {EDGES}, not along the orthoimage."
+        )
 
 
 def _balance_warnings(radiometry: Radiometry) -> Iterator[str]:
@@ -324,7 +354,7 @@ def texture_report(
         products=(*_PRODUCTS, *(_EDGE_PRODUCTS if edges else ())),
         doubts=tuple(_doubts(totals)),
         losses=tuple(_other_warnings(statistics, totals, radiometry)),
-        figures=(*_figures(totals, radiometry, facts), *_edge_figures(edges)),
+        figures=(*_figures(totals, radiometry, facts), *_edge_figures(edges), *_drawn_figures(totals.drawn)),
         grids=(_photo_grid(statistics, radiometry),),
         charts=(chart,),
         pictures=_pictures(most),

@@ -1,6 +1,6 @@
 """A box on a textured plane, photographed by exact ray casting: analytic truth for visibility and colour."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,8 @@ DSM = MapGrid(west=0.0, north=120.0, cell=1.0, rows=120, cols=120)
 ORTHO = MapGrid(west=0.0, north=120.0, cell=0.5, rows=240, cols=240)
 CAMERA = Camera(name="test", width=420, height=420, c=400.0, x0=3.0, y0=-2.0, k1=-0.02, k2=0.004)
 CENTRES = {"a": (20.0, 60.0, 200.0), "b": (60.0, 62.0, 205.0), "c": (104.0, 58.0, 198.0), "d": (61.0, 20.0, 202.0)}
+SUBPIXEL = 4
+"""rays along a pixel: a photograph of single rays has edges of whole pixels"""
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,15 @@ def render(photo: View, vehicle: Vehicle | None = None) -> np.ndarray:
     colour[np.isfinite(t)] = WALL
     colour[roof] = ROOF
     return colour.reshape(camera.height, camera.width, 3)
+
+
+def sharp_photograph(name: str) -> np.ndarray:
+    """The box as a camera sees it, uint8 (rows, cols, 3): every pixel the mean of many rays."""
+    photo = view(name)
+    finer = {key: getattr(photo.camera, key) * SUBPIXEL for key in ("width", "height", "c", "x0", "y0")}
+    fine = replace(photo, camera=photo.camera.model_copy(update=finer))
+    side = photo.camera.width
+    return np.rint(render(fine).reshape(side, SUBPIXEL, side, SUBPIXEL, 3).mean(axis=(1, 3))).astype(np.uint8)
 
 
 def true_ortho() -> np.ndarray:
