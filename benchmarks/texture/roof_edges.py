@@ -3,8 +3,11 @@
 The true orthoimage of a simulated town has straight edges, however much it is blurred. What is found on it are false finds:
 profiles that lost what told them apart, and fit better at a shadow or a tile of the roof. Photographs blur by pixels and cameras,
 and an orthoimage is as sharp as one of the blurred ones: so much of its figure no surface takes away.
+
+What the report of every run says without truth stands beside it: the same edges against photographs that show them straight.
 """
 
+import json
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -99,16 +102,35 @@ def row_of(name: str, away: np.ndarray) -> str:
     return f"| {name} | {len(away)} | {np.sqrt(squares.mean()):.2f} | {np.median(of_piece):.2f} | {shares} | {without:.2f} |"
 
 
+def _is_simulated(run: Path) -> bool:
+    return Store(run).has_table(TRUTH_GRID)
+
+
+def photograph_row(run: Path) -> str:
+    """What a run's own report says of the edges that its photographs show straight."""
+    figures = json.loads((run / "summary.json").read_text())
+    drawn, own, photos = (figures[f"texture.edges_{name}"]["value"] for name in ("drawn", "jagged", "jagged_in_photos"))
+    return f"| {run.name} | {drawn:.0f} | {own:.2f} | {photos:.2f} |"
+
+
 def main(words: list[str]) -> None:
     """The page."""
-    lines = ["# Edges of roofs in orthoimages", ""]
+    runs = [Path(word) for word in words or ["runs/volos"]]
+    lines = ["# Edges of roofs in orthoimages", "", "## Against photographs that show them straight", ""]
+    lines += ["| orthoimage | edges that it shows % | departure px | in photographs px |", "| --- | --- | --- | --- |"]
     lines += [
+        *map(photograph_row, runs),
+        "",
+        "Departures from straight lines over 21 px (rms), as `texture.edges_jagged` and `texture.edges_jagged_in_photos`.",
+        "",
+        "## Against the true orthoimage of a simulated town",
+        "",
         "| edges | pieces | rms px | median of the pieces px | beyond 2 px % | of the squares % | rms of the others px |",
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
-    for run in words or ["runs/volos"]:
-        ortho, *perfect = edges_of(Path(run))
-        name, nearest = Path(run).name, min(range(len(BLURS)), key=lambda k: perfect[k].unlike)
+    for run in filter(_is_simulated, runs):
+        ortho, *perfect = edges_of(run)
+        name, nearest = run.name, min(range(len(BLURS)), key=lambda k: perfect[k].unlike)
         lines.append(row_of(name, ortho.away))
         for k, (blur, found) in enumerate(zip(BLURS, perfect, strict=True)):
             like = ": as sharp as the orthoimage" if k == nearest else ""

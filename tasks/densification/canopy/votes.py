@@ -1,9 +1,16 @@
-"""One height of several depth maps: the one that most of them confirm, smoothed as far as a pixel of theirs sees.
+"""One height of several depth maps: the highest that more of them confirm than look through, smoothed as far as a pixel
+of theirs sees.
 
 Strategy: a map votes in every cell that its pixel covers, with the highest of its heights there. Heights that differ by no more
-than leaves are deep speak of the same crown; the largest such group wins, the higher one of two that are equal, and its mean
-counts. Every vote is for another leaf, so that a median over the pixel's surroundings follows.
+than leaves are deep speak of the same crown, and the mean of such a group is a candidate. Then every map is asked again, along its
+own line of sight to the candidate: it ends there, or before, behind another leaf, and says nothing; or it goes on to something
+farther away, so that the candidate stands in space that was seen to be free. The uppermost candidate at which more lines end than
+go on is the surface. Every vote is for another leaf, so that a median over the pixel's surroundings follows.
+
+Source: free-space violations as in Merrell et al. 2007 (visibility-based fusion of depth maps).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +22,21 @@ _FEWEST = 3
 """maps that must agree: two may follow the same leaf that moved"""
 _COMPANY = 0.3
 """share of the cells around that must have a height"""
+
+
+class SightToCells(NamedTuple):
+    """Where a depth map looks at cells: `rotation` (3, 3) and `centre` (3,) m of its camera, `scale` px, column and row of its
+    principal point in the part that is read, and `base`, by which a parallax is the depth, px m; corner and side of cells, m."""
+
+    rotation: np.ndarray
+    centre: np.ndarray
+    scale: float
+    col0: float
+    row0: float
+    base: float
+    west: float
+    north: float
+    cell: float
 
 
 @njit()
@@ -42,27 +64,70 @@ def cast(votes, count, places, reach, highest):
 
 
 @njit()
-def elected(votes, count, apart):
-    """Heights (rows, cols) float32 of the largest group of `votes` that differ by no more than `apart` (m); NaN where fewer agree
-    than must."""
+def group(votes, count, apart):
+    """Replace the votes (MOST, rows, cols) of every cell by the means of their groups that differ by no more than `apart` (m), the
+    highest first, and `count` by the number of groups; groups of fewer maps than must agree are left out."""
+    rows, cols = count.shape
+    own = np.empty(MOST, np.float32)
+    for r in range(rows):
+        for c in range(cols):
+            number, kept = count[r, c], 0
+            for i in range(number):
+                own[i] = votes[i, r, c]
+            own[:number].sort()
+            for i in range(number - 1, -1, -1):
+                total, agree = 0.0, 0
+                for j in range(number):
+                    if abs(own[j] - own[i]) <= apart:
+                        total, agree = total + own[j], agree + 1
+                mean = np.float32(total / agree)
+                if agree >= _FEWEST and (kept == 0 or mean < votes[kept - 1, r, c]):
+                    votes[kept, r, c] = mean
+                    kept += 1
+            count[r, c] = kept
+
+
+@njit()
+def look(groups, count, lines, parallax, sight, apart):
+    """Add to `lines` (2, MOST, rows, cols) how many lines of sight of a map end at the groups of the cells, and how many go on.
+
+    parallax (H, W): of the map, px; sight: see `SightToCells`; ends within `apart` (m) of a group are at it.
+    """
+    rows, cols = count.shape
+    turn, centre = sight.rotation, sight.centre
+    for r in range(rows):
+        dy = sight.north - (r + 0.5) * sight.cell - centre[1]
+        for c in range(cols):
+            dx = sight.west + (c + 0.5) * sight.cell - centre[0]
+            for k in range(count[r, c]):
+                dz = groups[k, r, c] - centre[2]
+                depth = -(turn[2, 0] * dx + turn[2, 1] * dy + turn[2, 2] * dz)
+                if depth <= 0.0:
+                    continue
+                col = sight.col0 + sight.scale * (turn[0, 0] * dx + turn[0, 1] * dy + turn[0, 2] * dz) / depth
+                row = sight.row0 - sight.scale * (turn[1, 0] * dx + turn[1, 1] * dy + turn[1, 2] * dz) / depth
+                i, j = int(np.rint(row)), int(np.rint(col))
+                if i < 0 or j < 0 or i >= parallax.shape[0] or j >= parallax.shape[1]:
+                    continue
+                # Comparisons with NaN are false.
+                beyond = sight.base / parallax[i, j] - depth
+                if abs(beyond) <= apart:
+                    lines[0, k, r, c] += 1
+                elif beyond > apart:
+                    lines[1, k, r, c] += 1
+
+
+@njit()
+def elected(groups, count, lines):
+    """Heights (rows, cols) float32 of the highest groups at which more `lines` end than go on; NaN where there is none."""
     rows, cols = count.shape
     out = np.full((rows, cols), np.float32(np.nan))
     for r in range(rows):
         for c in range(cols):
-            most, best = 0, np.float32(-np.inf)
-            for i in range(count[r, c]):
-                seed, agree = votes[i, r, c], 0
-                for j in range(count[r, c]):
-                    agree += abs(votes[j, r, c] - seed) <= apart
-                if agree > most or (agree == most and seed > best):
-                    most, best = agree, seed
-            if most < _FEWEST:
-                continue
-            total = 0.0
-            for j in range(count[r, c]):
-                if abs(votes[j, r, c] - best) <= apart:
-                    total += votes[j, r, c]
-            out[r, c] = total / most
+            for k in range(count[r, c]):
+                if lines[0, k, r, c] > lines[1, k, r, c]:
+                    out[r, c] = groups[k, r, c]
+                    break
     return out
 
 

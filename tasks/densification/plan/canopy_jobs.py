@@ -44,5 +44,5 @@ def depth_plan(pairs: tuple[EpipolarPair, ...], stage: str) -> Iterator[RasterSp
 
 
 def depth_maps(tile: CanopyTile) -> Stream:
-    """The parts of the depth maps that a tile needs, read where its heights stand alone."""
-    return Stream(tuple(Raster(depth_raster(piece.pair.name), piece.window) for piece in tile.pieces))
+    """The parts of the depth maps that a tile needs, twice one after the other, read where its heights stand alone."""
+    return Stream(2 * tuple(Raster(depth_raster(piece.pair.name), piece.window) for piece in tile.pieces))

@@ -8,7 +8,8 @@ from village_pair import CELL, normal_case
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.schemas.surface import Surface
-from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile, canopy_heights
+from orthomill.tasks.densification.canopy import canopy_heights as room
+from orthomill.tasks.densification.canopy.canopy_heights import CanopyTile
 from orthomill.tasks.densification.canopy.depth_map import STEP
 from orthomill.tasks.densification.plan.canopy_jobs import narrow
 
@@ -22,6 +23,11 @@ def level_map(tile: CanopyTile, number: int, height: float) -> np.ndarray:
     piece = tile.pieces[number]
     parallax = piece.pair.c * piece.pair.base / (piece.pair.left_centre[2] - height)
     return np.full(piece.window.shape, parallax, np.float32)
+
+
+def canopy_heights(tile: CanopyTile, maps: list[np.ndarray]) -> np.ndarray:
+    """As the maps arrive: all of them twice."""
+    return room.canopy_heights(tile, iter([*maps, *maps]))
 
 
 def test_level_ground_is_where_three_maps_see_it():
@@ -44,6 +50,22 @@ def test_a_raised_part_stands_where_it_is():
     maps = [np.where((cols >= first) & (cols <= last), crown, ground)] * 4
     high = np.isclose(canopy_heights(tile, maps), 10.0, atol=0.1)
     assert high[:, 31:50].all() and not high[:, :24].any() and not high[:, 57:].any()
+
+
+def test_what_most_maps_look_through_is_not_there():
+    """Three maps agree on a height of 20 m, and nine see the ground below it."""
+    tile = CanopyTile.of(SURFACE, WINDOW, tuple(PAIRS[0].model_copy(update={"name": f"pair {k}"}) for k in range(12)))
+    few = [level_map(tile, number, 20.0 if number < 3 else 5.0) for number in range(12)]
+    most = [level_map(tile, number, 20.0 if number < 7 else 5.0) for number in range(12)]
+    assert canopy_heights(tile, few) == pytest.approx(5.0, abs=0.01)
+    assert canopy_heights(tile, most) == pytest.approx(20.0, abs=0.01)
+
+
+def test_leaves_in_front_say_nothing_of_what_they_hide():
+    """Nine maps see a crown, at three heights; three see the ground, which the crown hides from the others."""
+    tile = CanopyTile.of(SURFACE, WINDOW, tuple(PAIRS[0].model_copy(update={"name": f"pair {k}"}) for k in range(7)))
+    maps = [level_map(tile, number, height) for number, height in enumerate((5.0, 5.0, 5.0, 12.0, 16.0, 20.0, 24.0))]
+    assert canopy_heights(tile, maps) == pytest.approx(5.0, abs=0.01)
 
 
 def test_a_window_is_a_window_of_the_whole():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orthomill.tasks.densification.canopy.votes import MOST, cast, elected, smoothed
+from orthomill.tasks.densification.canopy.votes import MOST, cast, elected, group, smoothed
 
 
 def cells(*heights: float) -> tuple[np.ndarray, np.ndarray]:
@@ -13,24 +13,40 @@ def cells(*heights: float) -> tuple[np.ndarray, np.ndarray]:
     return votes, count
 
 
+def grouped(*heights: float) -> list[float]:
+    votes, count = cells(*heights)
+    group(votes, count, 1.5)
+    return votes[: count[0, 0], 0, 0].tolist()
+
+
 @pytest.mark.parametrize(
-    ("heights", "height"),
+    ("heights", "means"),
     [
-        ((10.0, 10.5, 11.0, 3.0), 10.5),
-        ((3.0, 3.2, 3.4, 10.0, 10.5, 11.0), 10.5),
-        ((3.0, 3.1, 3.2, 3.3, 10.0, 10.5, 11.0), 3.15),
-        ((10.0, 10.5, 3.0), np.nan),
-        ((10.0, 11.4, 12.8), 11.4),
-        ((), np.nan),
+        ((10.0, 10.5, 11.0, 3.0), [10.5]),
+        ((3.0, 3.25, 3.5, 10.0, 10.5, 11.0), [10.5, 3.25]),
+        ((10.0, 10.5, 3.0), []),
+        ((10.0, 11.5, 13.0), [11.5]),
+        ((10.0, 11.0, 12.0, 13.0), [12.0, 11.0]),
+        ((), []),
     ],
 )
-def test_the_largest_group_wins_and_of_two_the_higher(heights, height):
-    assert elected(*cells(*heights), 1.5)[0, 0] == pytest.approx(height, nan_ok=True)
+def test_maps_that_differ_by_no_more_than_leaves_are_a_group(heights, means):
+    assert grouped(*heights) == pytest.approx(means)
+
+
+@pytest.mark.parametrize(
+    ("ends", "goes_on", "height"), [((3, 5), (2, 0), 20.0), ((3, 5), (3, 0), 5.0), ((3, 5), (4, 4), 5.0), ((0, 0), (0, 1), np.nan)]
+)
+def test_the_uppermost_group_at_which_more_lines_end_than_go_on_is_the_surface(ends, goes_on, height):
+    groups, count = np.zeros((MOST, 1, 1), np.float32), np.full((1, 1), 2, np.uint8)
+    groups[:2, 0, 0] = 20.0, 5.0
+    lines = np.zeros((2, MOST, 1, 1), np.uint8)
+    lines[0, :2, 0, 0], lines[1, :2, 0, 0] = ends, goes_on
+    assert elected(groups, count, lines)[0, 0] == pytest.approx(height, nan_ok=True)
 
 
 def test_no_more_maps_vote_than_there_is_room_for():
-    votes, count = cells(*([5.0] * MOST + [50.0] * MOST))
-    assert count[0, 0] == MOST and elected(votes, count, 1.5)[0, 0] == 5
+    assert grouped(*([5.0] * MOST + [50.0] * MOST)) == [5.0]
 
 
 def test_a_map_votes_once_in_every_cell_that_its_pixels_cover():
