@@ -295,7 +295,7 @@ def _on_dask(session: Session, options: Options, announce: Callable[[str], None]
             f"up to {options.processes} workers of a cluster ({options.cluster.kind})",
             3600.0 * options.cluster.patience,
         )
-        client_of = started_client(options.cluster, options.port)
+        client_of = started_client(options.cluster, options.port, announce)
     elif options.scheduler:
         if options.tls is None:
             announce(UNENCRYPTED.format(options.scheduler))

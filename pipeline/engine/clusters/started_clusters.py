@@ -6,7 +6,7 @@ The libraries that speak to SLURM, Kubernetes and gateways are loaded here only,
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,14 @@ from distributed.security import Security
 from orthomill.pipeline.engine.clusters.cluster_file import GatewayCluster, KubernetesCluster, SlurmCluster, StartedCluster
 from orthomill.pipeline.engine.dashboard_guard import new_secret
 from orthomill.pipeline.engine.dask_cluster import CLOSING, LOST, SETTINGS, GuardedScheduler, free_port, opened, silence
+from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.schemas.errors import ResourceError
-
-WORKER = ("--nthreads", "1")
 
 
 @contextmanager
-def started_client(cluster: StartedCluster, port: int) -> Iterator[Client]:
+def started_client(cluster: StartedCluster, port: int, say: Callable[[str], None] = lambda line: None) -> Iterator[Client]:
     """A client of a cluster that is started now and ends with this context; the dashboard listens on `port` or the next free one.
+    `say` tells the user a sentence.
 
     Raises ResourceError where a library is missing or the cluster does not start, SchedulerLost when its scheduler goes.
     """
@@ -33,7 +33,7 @@ def started_client(cluster: StartedCluster, port: int) -> Iterator[Client]:
     secret = new_secret()
     link = {"distributed.dashboard.link": f"{{scheme}}://{{host}}:{{port}}/{secret}/status"} if _is_here(cluster) else {}
     with dask.config.set(SETTINGS | link):
-        running = _begun(cluster, secret, port)
+        running = _begun(cluster, secret, port, say)
         try:
             with opened(Client(running), f"of the cluster ({cluster.kind})", "look at its queue") as client:
                 yield client
@@ -48,11 +48,11 @@ def _is_here(cluster: StartedCluster) -> bool:
     return cluster.kind == "slurm"
 
 
-def _begun(cluster: StartedCluster, secret: str, port: int) -> Any:
+def _begun(cluster: StartedCluster, secret: str, port: int, say: Callable[[str], None]) -> Any:
     try:
         if isinstance(cluster, SlurmCluster):
             return _slurm(cluster, secret, port)
-        return _kubernetes(cluster) if isinstance(cluster, KubernetesCluster) else _gateway(cluster)
+        return _kubernetes(cluster, say) if isinstance(cluster, KubernetesCluster) else _gateway(cluster)
     except ImportError as error:
         raise ResourceError(
             f"Clusters of the kind {cluster.kind} need a library that is not installed ({error.name}); type: "
@@ -124,27 +124,14 @@ def _jobs(asked: SlurmCluster, workers: int) -> int:
     return -(-workers // asked.workers_per_job)
 
 
-def _kubernetes(asked: KubernetesCluster) -> Any:
-    from dask_kubernetes.operator import KubeCluster, make_cluster_spec
+def _kubernetes(asked: KubernetesCluster, say: Callable[[str], None]) -> Any:
+    from orthomill.pipeline.engine.clusters.operated_pods import OperatedPods
 
-    limit = f"{asked.memory:.3f}Gi"
-    command = ["dask", "worker", *WORKER, "--memory-limit", f"{asked.memory:.3f}GiB", "--name", "$(DASK_WORKER_NAME)"]
-    resources = {"requests": {"cpu": "1", "memory": limit}, "limits": {"memory": limit}}
-    spec = make_cluster_spec(name=asked.name, image=asked.image, n_workers=asked.least, resources=resources, worker_command=command)
-    for part in ("worker", "scheduler"):
-        reach_results(spec["spec"][part]["spec"], asked)
-    cluster = KubeCluster(custom_cluster_spec=spec, namespace=asked.namespace)
-    cluster.adapt(minimum=asked.least, maximum=asked.workers)
-    return cluster
-
-
-def reach_results(pod: dict[str, Any], asked: KubernetesCluster) -> None:
-    """Give a pod the volume of the project's folder, and the keys of an object store."""
-    if asked.claim is not None:
-        pod["volumes"] = [{"name": "projects", "persistentVolumeClaim": {"claimName": asked.claim}}]
-        pod["containers"][0]["volumeMounts"] = [{"name": "projects", "mountPath": asked.mount}]
-    if asked.secret is not None:
-        pod["containers"][0]["envFrom"] = [{"secretRef": {"name": asked.secret}}]
+    try:
+        return OperatedPods(asked, say)
+    except ResourceError:
+        stop_if_asked()
+        raise
 
 
 def _gateway(asked: GatewayCluster) -> Any:

@@ -22,6 +22,8 @@ TOLD = 30.0
 """seconds without anybody at work after which that is said"""
 DESERTED = 600.0
 """seconds without anybody at work after which a run is given up; on an overloaded machine a new worker takes minutes to start"""
+UNFIT = 5
+"""workers that were sent away, with no other there, after which none of those that will join is expected to fit"""
 NOBODY = "tcp://0.0.0.0:1"
 """address of no worker: a job that no worker has the memory for waits, and is handed out again when one has joined"""
 _NO_WORKER = "there is none"
@@ -73,7 +75,10 @@ class Workforce:
             self.dismiss(worker, why)
 
     def dismiss(self, address: str, why: str) -> None:
-        """Name a worker that may do no job, and send it away: its scheduler would give it one after the other."""
+        """Name a worker that may do no job, and send it away: its scheduler would give it one after the other.
+
+        Raises ResourceError where nobody else comes: whoever starts the workers starts the same ones again and again.
+        """
         if address in self._dismissed:
             return
         self._dismissed.add(address)
@@ -81,6 +86,8 @@ class Workforce:
         self._say(f"The worker {address} {why}. It gets no jobs.")
         with suppress(*LOST):
             self._client.retire_workers(workers=[address], close_workers=True)
+            if len(self._dismissed) >= UNFIT and not self._update():
+                raise ResourceError(f"None of {len(self._dismissed)} workers may do a job; the last one, {address}, {why}.")
 
     def ended(self) -> None:
         """A job has ended: somebody is at work."""

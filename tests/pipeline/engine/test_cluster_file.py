@@ -3,8 +3,8 @@
 import pytest
 from small_site import command
 
-from orthomill.pipeline.engine.clusters.cluster_file import KINDS, KubernetesCluster, SlurmCluster, cluster_template, read_cluster
-from orthomill.pipeline.engine.clusters.started_clusters import reach_results, started_client
+from orthomill.pipeline.engine.clusters.cluster_file import KINDS, SlurmCluster, cluster_template, read_cluster
+from orthomill.pipeline.engine.clusters.started_clusters import started_client
 from orthomill.pipeline.engine.running import Options
 from orthomill.schemas.errors import ResourceError, WorkflowError
 
@@ -52,15 +52,6 @@ def test_workers_leave_before_they_are_killed(walltime, seconds):
 def test_time_is_estimated_for_the_workers_of_the_cluster():
     options = Options(cluster=SlurmCluster(kind="slurm", workers=40))
     assert options.processes == 40 and options.elsewhere and options.room == options.memory
-
-
-def test_pods_see_the_volume_of_the_project_or_have_the_keys_of_a_store():
-    volume, keys = {"containers": [{}]}, {"containers": [{}]}
-    reach_results(volume, KubernetesCluster(kind="kubernetes", image="a", claim="projects", mount="/projects"))
-    reach_results(keys, KubernetesCluster(kind="kubernetes", image="a", secret="store"))
-    assert volume["volumes"][0]["persistentVolumeClaim"] == {"claimName": "projects"}
-    assert volume["containers"] == [{"volumeMounts": [{"name": "projects", "mountPath": "/projects"}]}]
-    assert keys == {"containers": [{"envFrom": [{"secretRef": {"name": "store"}}]}]}
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch):

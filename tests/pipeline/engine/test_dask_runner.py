@@ -1,6 +1,7 @@
 """How the runner interprets Dask's answers, with a client that gives prepared answers; real workers are in test_engine.py."""
 
 import socket
+from contextlib import nullcontext
 from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
@@ -356,6 +357,18 @@ def test_a_worker_that_may_do_no_job_is_named_once_and_its_job_goes_to_another(r
         runner.client.planned.clear()
         assert runner.next() == Finished(job.key, "done")
     assert said == ["The worker tcp://two:2 has 4 threads. It gets no jobs."] and away == ["tcp://two:2"]
+
+
+@pytest.mark.parametrize("others", [{}, {"tcp://fit:1": RUNNING}])
+def test_a_run_ends_where_all_workers_that_ever_come_may_do_no_job(others):
+    client, said = Watched(others), []
+    workforce = workforce_module.Workforce(client, said.append)
+    numbers = range(workforce_module.UNFIT)
+    for number in numbers[:-1]:
+        workforce.dismiss(f"tcp://unfit:{number}", "has orthomill 0.1.0")
+    with nullcontext() if others else pytest.raises(ResourceError, match=r"None of 5 workers may do a job; .* has orthomill 0.1.0"):
+        workforce.dismiss(f"tcp://unfit:{numbers[-1]}", "has orthomill 0.1.0")
+    assert len(said) == len(numbers)
 
 
 def test_a_worker_with_too_little_memory_gets_the_smaller_jobs(runner_of):
