@@ -709,6 +709,15 @@ _ALL = (
         words="[SECONDS [PROJECT]]",
     ),
     Study(
+        "deleted_pods",
+        "trust.deleted_pods",
+        "a run on Kubernetes whose pods are deleted by lot, and files of clusters with a mistake in each",
+        "an hour",
+        ("pipeline/engine",),
+        needs="a Kubernetes with the Dask operator (KUBECONFIG), an image of this commit and an object store",
+        words="CLUSTER.yaml s3://BUCKET/PREFIX [SECONDS [PROJECT]]",
+    ),
+    Study(
         "changing_workers",
         "trust.changing_workers",
         "workers that join and are taken away at random: how much of their time is work",

@@ -10,16 +10,16 @@ many seconds the pod of a worker, by lot, is deleted; the operator starts anothe
 import json
 import os
 import random
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Event, Thread
 from unittest.mock import patch
 
-import kr8s
 import yaml
 
 from benchmarks.instrument.result_page import write_page
@@ -37,6 +37,11 @@ AWAY = "https://127.0.0.1:1"
 """address of no API server"""
 
 
+def kubectl(*words: str, namespace: str = "default") -> str:
+    """What it says; nothing where it fails."""
+    return subprocess.run(["kubectl", "--namespace", namespace, *words], capture_output=True, text=True, timeout=60).stdout
+
+
 @dataclass
 class Pods:
     """The workers of all clusters of this name, and what became of them."""
@@ -46,29 +51,34 @@ class Pods:
     """of workers that run, at every look"""
     deleted: int = 0
 
-    def found(self, role: str) -> list[kr8s.objects.Pod]:
-        """Those of a role, also such as are about to end."""
-        pods = kr8s.get("pods", namespace=self.asked.namespace, label_selector={"dask.org/component": role})
-        return [pod for pod in pods if pod.labels["dask.org/cluster-name"].startswith(f"{self.asked.name}-")]
+    def found(self, role: str) -> dict[str, bool]:
+        """Those of a role by their names, and whether they run and are to go on."""
+        answer = kubectl(
+            "get", "pods", "--selector", f"dask.org/component={role}", "--output", "json", namespace=self.asked.namespace
+        )
+        pods = {pod["metadata"]["name"]: pod for pod in json.loads(answer or "{}").get("items", ())}
+        return {
+            name: pod["status"].get("phase") == "Running" and "deletionTimestamp" not in pod["metadata"]
+            for name, pod in pods.items()
+            if name.startswith(f"{self.asked.name}-")
+        }
 
-    def look(self) -> list[kr8s.objects.Pod]:
+    def look(self) -> list[str]:
         """Those of workers that run."""
-        running = [pod for pod in self.found("worker") if pod.status.phase == "Running" and "deletionTimestamp" not in pod.metadata]
+        running = [name for name, runs in self.found("worker").items() if runs]
         self.counts.append(len(running))
         return running
 
     def delete_one(self, chance: random.Random) -> None:
         """The pod of a worker, if there is one."""
-        running = self.look()
-        with suppress(kr8s.NotFoundError):
-            if running:
-                chance.choice(running).delete()
-                self.deleted += 1
+        if running := self.look():
+            kubectl("delete", "pod", chance.choice(running), "--wait=false", namespace=self.asked.namespace)
+            self.deleted += 1
 
     def left(self) -> int:
         """Those that are there when all should have gone."""
         until = time.monotonic() + ENDED
-        while (there := self.found("worker") + self.found("scheduler")) and time.monotonic() < until:
+        while (there := {**self.found("worker"), **self.found("scheduler")}) and time.monotonic() < until:
             time.sleep(LOOKED)
         return len(there)
 
@@ -144,13 +154,14 @@ def main(words: list[str]) -> None:
         expected, found = kept(Folder(calm / "runs" / project)), kept(bucket_of(f"{store}/{project}"))
         orthomill(stormy, "clean", project)
     same = sum(found.get(name) == digest for name, digest in expected.items())
-    table, version = "\n".join(lines), kr8s.api().version()["gitVersion"]
+    table, version = "\n".join(lines), json.loads(kubectl("version", "--output", "json"))["serverVersion"]["gitVersion"]
     write_page(
         "deleted_pods",
         words,
         f"""# Pods that are deleted, and files of clusters with a mistake
 
-Project `{project}` on Kubernetes {version} with the Dask operator, {asked.least} to {asked.workers} workers with nothing in common but an object store. The pod of one worker, by lot, is deleted every {seconds:g} s.
+Project `{project}` on Kubernetes {version} with the Dask operator, {asked.least} to {asked.workers} workers with
+nothing in common but an object store. The pod of one worker, by lot, is deleted every {seconds:g} s.
 
 | what | figure |
 | --- | --- |

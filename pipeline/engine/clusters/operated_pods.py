@@ -168,8 +168,9 @@ async def _api() -> Any:
     except kr8s.ServerError as error:
         raise ResourceError(f"Kubernetes does not take your credentials ({error}); try: kubectl auth whoami") from error
     except Exception as error:  # whatever a file of the user's, or a program that it names, makes of reading it
+        told = " ".join(str(error).split())
         raise ResourceError(
-            f"Nothing here says where Kubernetes is ({' '.join(str(error).split())}): neither KUBECONFIG nor ~/.kube/config names an API server with "
+            f"Nothing here says where Kubernetes is ({told}): neither KUBECONFIG nor ~/.kube/config names an API server with "
             "credentials, and this is no pod; try: kubectl cluster-info"
         ) from error
 
