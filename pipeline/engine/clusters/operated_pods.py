@@ -30,15 +30,13 @@ LOOKED = 2.0
 STUCK = 60.0
 """seconds for which a pod may have an obstacle: some go away by themselves"""
 RIGHTS = (
-    ("create", KIND, "daskclusters"),
-    ("get", KIND, "daskclusters"),
-    ("delete", KIND, "daskclusters"),
-    ("get", KIND, "daskworkergroups"),
-    ("create", KIND, "daskautoscalers"),
-    ("patch", KIND, "daskautoscalers"),
+    *((verb, KIND, "daskclusters") for verb in ("create", "get", "list", "delete")),
+    *((verb, KIND, "daskautoscalers") for verb in ("create", "patch")),
+    ("list", KIND, "daskworkergroups"),
     ("list", "", "pods"),
-    ("get", "", "services"),
+    *((verb, "", "services") for verb in ("get", "list")),
 )
+"""verb, group and kind; the library lists what it looks for by name"""
 FORWARDING = ("get", "", "pods/portforward")
 """what a command that is in no pod needs as well: it reaches the scheduler through the API server"""
 REFUSED = (kr8s.ServerError, kr8s.NotFoundError, kr8s.APITimeoutError, kr8s.ConnectionClosedError, httpx.HTTPError)
@@ -52,6 +50,7 @@ class OperatedPods(KubeCluster):
     def __init__(self, asked: KubernetesCluster, say: Callable[[str], None]) -> None:
         self._asked, self._say = asked, say
         self._watching: asyncio.Task[None] | None = None
+        self._told = ""
         # Versions of Kubernetes that the library was not tried with, and what is told here in sentences.
         warnings.filterwarnings("ignore", category=UserWarning, module=r"kr8s\.")
         logging.getLogger("dask_kubernetes").setLevel(logging.CRITICAL)
@@ -66,6 +65,10 @@ class OperatedPods(KubeCluster):
         except REFUSED as error:
             await self._close()
             raise ResourceError(_refusal(error, self._asked.namespace)) from error
+        except TimeoutError as error:
+            await self._close()
+            why = self._told or "Nothing is known of its pods."
+            raise ResourceError(f"The cluster has not started in {self._asked.patience:g} hours, its 'patience'. {why}") from error
         except BaseException:
             await self._close()
             raise
@@ -109,10 +112,10 @@ class OperatedPods(KubeCluster):
             if found is None or before is None or found.kind != before.kind:
                 since, before = time.monotonic(), found
             elif since and time.monotonic() - since > STUCK:
-                sentence = f"A pod ({role}) does not start: {found.told}."
+                self._told = f"A pod ({role}) does not start: {found.told}."
                 if found.lasts and role == "scheduler":
-                    raise ResourceError(f"{sentence} Compare image, secret and claim in the file of the cluster.")
-                self._say(f"{sentence} This run waits for it.")
+                    raise ResourceError(f"{self._told} Compare image, secret and claim in the file of the cluster.")
+                self._say(f"{self._told} This run waits for it.")
                 since = 0.0
 
     async def _obstacle(self, role: str) -> Obstacle | None:
