@@ -37,8 +37,8 @@ RIGHTS = (
     *((verb, "", "services") for verb in ("get", "list")),
 )
 """verb, group and kind; the library lists what it looks for by name"""
-FORWARDING = ("get", "", "pods/portforward")
-"""what a command that is in no pod needs as well: it reaches the scheduler through the API server"""
+FORWARDING = tuple((verb, "", "pods/portforward") for verb in ("get", "create"))
+"""what a command that is in no pod needs too: it reaches the scheduler through the API server, of which new ones ask for both"""
 REFUSED = (kr8s.ServerError, kr8s.NotFoundError, kr8s.APITimeoutError, kr8s.ConnectionClosedError, httpx.HTTPError)
 """what the library raises beside Python's own errors"""
 OPERATOR = "the Dask operator, which whoever runs the cluster installs (https://kubernetes.dask.org)"
@@ -152,7 +152,7 @@ def _end_if_asked() -> None:
 async def _ask_whether_allowed(namespace: str) -> None:
     """Raises ResourceError where there is no Kubernetes, or it does not let its user have a cluster."""
     api = await _api()
-    needed = (*RIGHTS, FORWARDING) if _outside() else RIGHTS
+    needed = (*RIGHTS, *FORWARDING) if _outside() else RIGHTS
     lacking = [f"{verb} {kind}" for verb, group, kind in needed if not await _allowed(api, namespace, verb, group, kind)]
     if lacking:
         raise ResourceError(
