@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
+from orthomill.tasks.imagery.edge_departures import peak_between, without_line
+
 SPACING = 8
 """px: about one place in so many along an edge"""
 _ALONG, _ACROSS, _SEARCH = 10, 4.0, 6.0
@@ -53,7 +55,7 @@ def departures(
     away = _displacements(grey, true_grey, place.astype(np.float64), _normals(roof, place))
     known = np.isfinite(away)
     pieces = away[known.sum(axis=1) >= _ENOUGH]
-    return _without_line(pieces)
+    return without_line(pieces)
 
 
 def _places(roof: np.ndarray, corner: tuple[int, int], core: tuple[slice, slice]) -> np.ndarray:
@@ -85,12 +87,9 @@ def _displacements(grey: np.ndarray, true_grey: np.ndarray, place: np.ndarray, n
     alike = np.where(np.isfinite(alike) & (true.std(axis=-1) >= _CONTRAST)[..., None], alike, -1.0)
     best = np.argmax(alike, axis=-1)
     inside = np.clip(best, 1, 2 * tried - 1)
-    low, middle, high = (np.take_along_axis(alike, (inside + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1))
-    bend = low - 2 * middle + high
-    part = np.where(bend < 0, np.clip(0.5 * (low - high) / np.where(bend < 0, bend, -1.0), -0.5, 0.5), 0.0)
     # At the ends of the search the edge may lie anywhere beyond.
-    sure = (best == inside) & (middle >= _ALIKE)
-    return np.where(sure, (inside - tried + part) * _STEP, np.nan)
+    sure = (best == inside) & (alike.max(axis=-1) >= _ALIKE)
+    return np.where(sure, (inside - tried + peak_between(alike, inside)) * _STEP, np.nan)
 
 
 def _profiles(image: np.ndarray, foot: np.ndarray, normal: np.ndarray, reach: float) -> np.ndarray:
@@ -105,17 +104,3 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     one, other = (values - values.mean(axis=-1, keepdims=True) for values in (one, other))
     spread = np.sqrt((one**2).sum(axis=-1) * (other**2).sum(axis=-1))
     return (one * other).sum(axis=-1) / np.where(spread > 0, spread, np.nan)
-
-
-def _without_line(away: np.ndarray) -> np.ndarray:
-    """Displacements (pieces, profiles) less the line through the known ones of each piece."""
-    known = np.isfinite(away)
-    along = np.broadcast_to(np.arange(-_ALONG, _ALONG + 1, dtype=float), away.shape)
-    count = known.sum(axis=1, keepdims=True)
-    middle = np.where(known, along, 0).sum(axis=1, keepdims=True) / count
-    mean = np.where(known, away, 0).sum(axis=1, keepdims=True) / count
-    place = along - middle
-    slope = np.where(known, place * (away - mean), 0).sum(axis=1, keepdims=True) / np.where(known, place**2, 0).sum(
-        axis=1, keepdims=True
-    )
-    return away - mean - slope * place

@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from orthomill.schemas.raster import MapGrid, Window
 from orthomill.tasks.colouring.sampling.balanced_photograph import BalancedPhotograph
+from orthomill.tasks.imagery.edge_departures import peak_between, without_line
 from orthomill.tasks.texture.edges.edge_positions import LEAST_CHANGE
 from orthomill.tasks.texture.edges.edge_profiles import HALF_PIECE, EdgePlanes, edge_colours, lean_of
 from orthomill.tasks.texture.edges.measured_edges import MeasuredEdges
@@ -193,12 +194,9 @@ def edge_path(changes: np.ndarray, there: np.ndarray, across: np.ndarray) -> np.
     near = np.abs(np.arange(score.shape[-1]) - path[..., None]) <= _BESIDE * _STEPS
     path = np.where(near & np.isfinite(alike), alike, -np.inf).argmax(axis=-1)
     inside = np.clip(path, 1, score.shape[-1] - 2)
-    low, middle, high = (np.take_along_axis(alike, (inside + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1))
-    bend = low - 2 * middle + high
-    part = np.where(bend < 0, np.clip(0.5 * (low - high) / np.where(bend < 0, bend, -1.0), -0.5, 0.5), 0.0)
     # At the ends of the search the edge may lie anywhere beyond; comparisons with NaN are false.
-    found = (path == inside) & (middle >= _SHARE)
-    return np.where(found, (inside + part) / _STEPS + across[tried][0], np.nan)
+    found = (path == inside) & (np.take_along_axis(alike, inside[..., None], axis=-1)[..., 0] >= _SHARE)
+    return np.where(found, (inside + peak_between(alike, inside)) / _STEPS + across[tried][0], np.nan)
 
 
 def _best_path(score: np.ndarray, jump: float) -> np.ndarray:
@@ -228,10 +226,5 @@ def found_pieces(away: np.ndarray) -> FoundPieces:
     """Of displacements (N, T) px along edges, NaN where they are not found."""
     known = np.isfinite(away)
     enough = known.mean(axis=1) >= _ENOUGH if away.size else np.zeros(len(away), bool)
-    known, value = known[enough], np.nan_to_num(away[enough])
-    count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-    place = np.where(known, np.arange(away.shape[1], dtype=float), 0.0)
-    place = np.where(known, place - place.sum(axis=1, keepdims=True) / count, 0.0)
-    value = np.where(known, value - value.sum(axis=1, keepdims=True) / count, 0.0)
-    slope = (place * value).sum(axis=1, keepdims=True) / np.maximum((place**2).sum(axis=1, keepdims=True), 1e-9)
-    return FoundPieces(int(enough.sum()), (value - slope * place)[known])
+    left = without_line(away[enough])
+    return FoundPieces(int(enough.sum()), left[np.isfinite(left)])
