@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table as Lines
 
 from orthomill.pipeline.cli.terminal import Debug, err, out, plain_errors
+from orthomill.schemas.errors import WorkflowError
 from orthomill.schemas.inspections.window_method import Method
 
 starting = typer.Typer()
@@ -21,8 +22,12 @@ starting.add_typer(inspect, name="inspect")
 def init(
     name: Annotated[str, typer.Argument(help="Name of the new project.")],
     photos: Annotated[
-        str, typer.Option(help="Folder with the photographs, or s3://bucket/prefix (gs://, az://): fetched into the project.")
-    ],
+        str | None,
+        typer.Option(
+            help="Folder with the photographs, or s3://bucket/prefix (gs://, az://): fetched into the project. By default "
+            "photographs/NAME."
+        ),
+    ] = None,
     crs: Annotated[str | None, typer.Option(help="Projected CRS, e.g. EPSG:32634; proposed from GPS when left out.")] = None,
     debug: Debug = False,
 ) -> None:
@@ -41,16 +46,21 @@ def init(
         out.print(f"{start.path} is written; read it, then: orthomill run {name}", soft_wrap=True)
 
 
-def _photographs(name: str, place: str) -> Path:
-    """The folder with the photographs; those of an object store are brought into the project first."""
+def _photographs(name: str, place: str | None) -> Path:
+    """The folder with the photographs, by default the one that has the project's name; those of an object store are brought there
+    first. Raises WorkflowError where none is named and none is there."""
     from orthomill.pipeline.storage.depots.bucket import is_address
     from orthomill.pipeline.storage.depots.fetched_photographs import fetched_photographs
     from orthomill.pipeline.workflow.starting_workflow import new_workflow
 
+    folder = Path("photographs") / name
+    if place is None:
+        if not folder.is_dir():
+            raise WorkflowError(f"There is no folder {folder}: say where the photographs are, with --photos FOLDER")
+        return folder
     if not is_address(place):
         return Path(place)
     new_workflow(name, Path.cwd())
-    folder = Path("photographs") / name
     found = fetched_photographs(place, folder, say=err.print)
     left = f"; {found.left} objects of other kinds were left there" if found.left else ""
     out.print(

@@ -238,6 +238,13 @@ def test_init_writes_a_workflow_that_can_be_planned(fresh):
     assert "nowhere" in command("init", "hill", "--photos", "nowhere", code=2)
 
 
+def test_init_takes_the_photographs_in_the_folder_of_the_projects_name(fresh):
+    assert "There is no folder photographs/meadow: say where" in " ".join(command("init", "meadow", code=2).split())
+    shutil.copytree(fresh / "photos", fresh / "photographs" / "meadow")
+    command("init", "meadow")
+    assert "path: photographs/meadow" in (fresh / "workflows" / "meadow.yaml").read_text()
+
+
 @pytest.mark.parametrize(("ok", "code"), [(True, 0), (False, 1)])
 def test_doctor_says_what_is_wrong(monkeypatch, ok, code):
     monkeypatch.setattr(
