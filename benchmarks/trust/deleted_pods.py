@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import shorten
 from threading import Event, Thread
 from unittest.mock import patch
 
@@ -126,7 +127,7 @@ def refused(root: Path, project: str, file: Path, store: str) -> Iterator[str]:
         wrong.write_text(yaml.safe_dump(right | changes))
         with patch.dict(os.environ, environment):
             run = orthomill(root, "run", project, "--cluster", str(wrong), "--store", store)
-        told = run.output.strip().splitlines()[-1].replace("|", "/")
+        told = shorten(run.output.strip().splitlines()[-1].replace("|", "/"), 220, placeholder=" ...")
         yield f"| {what} | {told} | {run.code} | {run.seconds:.0f} s | {'yes' if 'Traceback' in run.output else 'no'} |"
 
 

@@ -64,7 +64,7 @@ class OperatedPods(KubeCluster):
                 await self._started()
         except REFUSED as error:
             await self._close()
-            raise ResourceError(_refusal(error, self._asked.namespace)) from error
+            raise ResourceError(refusal_of(error, self._asked.namespace)) from error
         except TimeoutError as error:
             await self._close()
             why = self._told or "Nothing is known of its pods."
@@ -166,7 +166,8 @@ async def _api() -> Any:
             return await kr8s.asyncio.api()
     except (httpx.HTTPError, kr8s.APITimeoutError, TimeoutError) as error:
         raise ResourceError(
-            f"The API server of Kubernetes that your kubeconfig names does not answer ({error or 'in time'}); try: kubectl version"
+            f"The API server of Kubernetes that your kubeconfig names does not answer ({str(error) or 'in time'}); "
+            "try: kubectl version"
         ) from error
     except kr8s.ServerError as error:
         raise ResourceError(f"Kubernetes does not take your credentials ({error}); try: kubectl auth whoami") from error
@@ -187,9 +188,10 @@ async def _allowed(api: Any, namespace: str, verb: str, group: str, kind: str) -
         return bool(answer.json()["status"]["allowed"])
 
 
-def _refusal(error: Exception, namespace: str) -> str:
+def refusal_of(error: Exception, namespace: str) -> str:
+    """What the API server means by refusing a cluster."""
     code = getattr(getattr(error, "response", None), "status_code", None)
-    if code == 404 and "namespaces" in str(error):
+    if code == 404 and f'namespaces "{namespace}" not found' in str(error):
         return f"Kubernetes has no namespace {namespace}; name another in the file of the cluster."
     if code == 404:
         return f"Kubernetes knows nothing of Dask: it lacks {OPERATOR}."

@@ -21,6 +21,9 @@ from orthomill.pipeline.engine.dask_cluster import CLOSING, LOST, SETTINGS, Guar
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.schemas.errors import ResourceError
 
+PLACES = {"slurm": "queue", "kubernetes": "pods and their events", "gateway": "log"}
+"""where a cluster says what became of its scheduler"""
+
 
 @contextmanager
 def started_client(cluster: StartedCluster, port: int, say: Callable[[str], None] = lambda line: None) -> Iterator[Client]:
@@ -35,7 +38,7 @@ def started_client(cluster: StartedCluster, port: int, say: Callable[[str], None
     with dask.config.set(SETTINGS | link):
         running = _begun(cluster, secret, port, say)
         try:
-            with opened(Client(running), f"of the cluster ({cluster.kind})", "look at its queue") as client:
+            with opened(Client(running), f"of the cluster ({cluster.kind})", f"look at its {PLACES[cluster.kind]}") as client:
                 yield client
         finally:
             with suppress(*LOST):

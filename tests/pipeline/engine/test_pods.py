@@ -1,8 +1,10 @@
 """Clusters of pods: what the operator is asked for, what is said of pods that do not start, and sentences before the first one."""
 
+import importlib
 import json
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 
@@ -163,3 +165,18 @@ def test_who_has_no_way_to_kubernetes_is_told_so(kubeconfig, server, tmp_path, c
     assert "API server of Kubernetes that your kubeconfig names does not answer" in refusal(capfd)
     kubeconfig(server, "unknown")
     assert "does not take your credentials (Unauthorized)" in refusal(capfd)
+
+
+@pytest.mark.parametrize(
+    ("code", "message", "told"),
+    [
+        (404, 'namespaces "a" not found', "has no namespace a"),
+        # So answers an API server that does not know the kind.
+        (404, "Client error '404 Not Found' for url '/namespaces/a/daskclusters'", "lacks the Dask operator"),
+        (403, "pods is forbidden: exceeded quota", "refuses a cluster of Dask (pods is forbidden: exceeded quota)"),
+    ],
+)
+def test_what_the_server_means_is_said(kubeconfig, code, message, told):
+    operated = importlib.import_module("orthomill.pipeline.engine.clusters.operated_pods")
+    error = importlib.import_module("kr8s").ServerError(message, response=SimpleNamespace(status_code=code))
+    assert told in operated.refusal_of(error, "a")
