@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import ConfigDict, PrivateAttr
 
-from orthomill.pipeline.engine.graph import PlannedJob
 from orthomill.pipeline.engine.one_thread import linear_algebra_on_one_thread
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished, SequentialRunner
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.records.records import Record

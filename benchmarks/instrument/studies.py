@@ -650,6 +650,14 @@ _ALL = (
         words="[JOBS [WORKERS]]",
     ),
     Study(
+        "plan_cost",
+        "scale.plan_cost",
+        "processor time and memory of a plan of a million jobs, and until its first job",
+        "minutes",
+        ("pipeline/engine", "pipeline/records"),
+        words="[JOBS ...]",
+    ),
+    Study(
         "store_cost",
         "scale.store_cost",
         "a project in an object store instead of a folder: processor time, and the same bytes",

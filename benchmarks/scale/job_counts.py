@@ -12,7 +12,7 @@ from enum import IntEnum, auto
 
 import numpy as np
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.forecast.known_costs import Family, family_of
 from orthomill.pipeline.workflow.workflow_file import LoadedWorkflow
@@ -80,7 +80,7 @@ def planned_with(loaded: LoadedWorkflow, tile: int, left_out: Sequence[str]) -> 
     project = loaded.project.model_copy(update={"tile": tile})
     session = session_of(replace(loaded, project=project))
     session.planner.is_done = lambda key: True
-    while session.planner.advance():
+    while list(session.planner.advance()):
         pass
     return [planned for key, planned in session.graph.jobs.items() if key[0] not in left_out]
 

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.scale.job_counts import LARGER, GoesBy, Spread, planned_with, spread_of
 from benchmarks.scale.simulated_cluster import Jobs
 from orthomill.pipeline.engine.foresight import photograph_pixels
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.export.file_parts import SHEET
 from orthomill.pipeline.forecast.known_costs import family_of

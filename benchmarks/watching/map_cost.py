@@ -35,8 +35,9 @@ def main(words: list[str]) -> None:
     known = -1
     while len(session.graph.jobs) > known:
         known = len(session.graph.jobs)
-        session.planner.advance()
-        session.done.update(key for key in session.graph.jobs if key in records)
+        list(session.planner.advance())
+        for key in session.graph.jobs.keys() & records.keys():
+            session.done.add(key)
     work, due, answers = 0.0, 0.0, 0
     model = CostModel(tuple(stage.kind for stage in session.stages), WORKERS, expectations(session.folder, 0.0, 512))
     begun = time.process_time()

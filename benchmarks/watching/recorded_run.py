@@ -121,7 +121,7 @@ class _Recorder:
         self._session = session
         self._free, self._ends = [0.0] * WORKERS, dict[Key, float]()
         self._running: list[tuple[float, int, Record]] = []
-        self._seen, self._grids = 0, dict[str, float]()
+        self._grids = dict[str, float]()
         records = [record for stage in session.stages for record in Records(session.folder).of_stage(stage.kind)]
         self._records = sorted((one for one in records if one.status == "done"), key=lambda record: record.started)
 
@@ -156,9 +156,7 @@ class _Recorder:
         yield from self._plan()
 
     def _plan(self) -> Iterator[Event]:
-        self._session.planner.advance()
-        new = list(self._session.graph.jobs)[self._seen :]
-        self._seen += len(new)
+        new = [planned.key for planned in self._session.planner.advance()]
         for stage, grid in largest_grids(self._session.graph.specs.values()).items():
             if grid > self._grids.get(stage, 0.0):
                 self._grids[stage] = grid

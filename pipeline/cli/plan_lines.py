@@ -27,7 +27,7 @@ def plan_lines(session: Session, expected: Forecast | None) -> Lines:
 
 def _row(session: Session, stage: Stage, expected: StageForecast | None) -> tuple[str, ...]:
     pending = [planned for planned in session.pending if planned.job.stage == stage.kind]
-    known = [planned for key, planned in session.graph.jobs.items() if key[0] == stage.kind]
+    known = session.graph.jobs.keys_by_number.of_stage(stage.kind)
     waiting = session.planner.waiting_for.get(stage.kind)
     reasons = sorted({session.reasons[planned.key] for planned in pending})
     why = "; ".join(reasons) or ("waits" if waiting else "unchanged")

@@ -24,7 +24,7 @@ from orthomill.pipeline.engine.dask_cluster import LOST, allow_memory
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
 from orthomill.pipeline.engine.interruption import stop_if_asked
 from orthomill.pipeline.engine.runner import ATTEMPTS, End, Finished
-from orthomill.pipeline.engine.workers.order_batches import Batch, BatchFailed, Durations, Order, next_batch
+from orthomill.pipeline.engine.workers.order_batches import MOST, Batch, BatchFailed, Durations, Order, next_batch
 from orthomill.pipeline.engine.workers.worker_terms import Declined, Terms, objection
 from orthomill.pipeline.engine.workers.workforce import DESERTED, NOBODY, Workforce
 from orthomill.pipeline.records.records import Key
@@ -196,6 +196,11 @@ class DaskRunner:
     @property
     def busy(self) -> bool:
         return bool(self._futures or self._waiting or self._told)
+
+    @property
+    def wants_more(self) -> bool:
+        # Enough for two tasks of the most jobs: one of fewer is made only where there are no more.
+        return len(self._waiting) < 2 * MOST
 
     def next(self) -> Finished:
         self._fill()

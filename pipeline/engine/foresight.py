@@ -10,12 +10,13 @@ from math import prod
 from typing import Any
 
 from orthomill.pipeline.engine.execute import read_all, read_file, results_by_name
-from orthomill.pipeline.engine.graph import NoWriter, PlannedJob
+from orthomill.pipeline.engine.graph import NoWriter
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.storage.image_files import header_or_fault
 from orthomill.pipeline.storage.photographs.folder_listing import left_out_lines, list_folder, with_those_below
 from orthomill.schemas.errors import OrthomillError, WorkflowError, first_of
-from orthomill.schemas.job import Job, PhotoHeader, PhotoPicture, Raster, Region, Table, TextFile, regions_of
+from orthomill.schemas.job import Job, PhotoHeader, PhotoPicture, Region, Table, TextFile, regions_of
 from orthomill.schemas.photo import Soundness
 from orthomill.schemas.stage_contract import NotYet, Stage
 
@@ -34,7 +35,8 @@ class Foresight:
 
     def look(self) -> None:
         """Do all such jobs that are planned. Raises WorkflowError with the mistakes that their files hold."""
-        for planned in self._session.graph.jobs.values():
+        graph = self._session.graph
+        for planned in map(graph.jobs.at, graph.light):
             if isinstance(planned.job, Job):
                 self._attempt(planned, planned.job)
         if self.mistakes:
@@ -63,7 +65,7 @@ class Foresight:
     def _attempt(self, planned: PlannedJob, job: Job) -> None:
         regions = [region for reading in job.reads.values() for region in regions_of(reading)]
         written = {name: region.path for name, region in job.writes.items() if isinstance(region, Table)}
-        if not self._is_of_files(job, regions) or self._from_files.issuperset(written.values()):
+        if not all(map(self._is_known, regions)) or self._from_files.issuperset(written.values()):
             return
         if not self._session.is_valid(planned.key):
             before = len(self.mistakes)
@@ -79,11 +81,6 @@ class Foresight:
                 return
             self.tables.update({path: values[name] for name, path in written.items() if name in values})
         self._from_files.update(written.values())
-
-    def _is_of_files(self, job: Job, regions: list[Region]) -> bool:
-        # A job that reads nothing computes, and one that writes rasters does so at length.
-        computes = not regions or any(isinstance(region, Raster) for region in job.writes.values())
-        return not computes and all(map(self._is_known, regions))
 
     def _is_known(self, region: Region) -> bool:
         if isinstance(region, Table):

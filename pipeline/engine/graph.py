@@ -4,13 +4,16 @@ The writer of every chunk, table and file is recorded as jobs are added; a job d
 Because a writer must be known before its reader, jobs are in an order in which they can be run one by one.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from itertools import product
+from array import array
+from collections.abc import Iterable
 from pathlib import Path
 
 from orthomill.pipeline.engine import fingerprint as fp
+from orthomill.pipeline.engine.fingerprint import region_text
 from orthomill.pipeline.engine.job_signature import misfit
+from orthomill.pipeline.engine.planned.chunk_writers import Chunk, ChunkWriters, chunks_of
+from orthomill.pipeline.engine.planned.file_writers import FileWriters
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob, PlannedJobs
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.export.file_parts import joins_parts
 from orthomill.pipeline.records.records import Fingerprint, Key
@@ -25,12 +28,15 @@ from orthomill.schemas.job import (
     Job,
     MapFile,
     MeshFile,
+    PhotoHeader,
+    PhotoPicture,
     PhotoPixels,
     Raster,
     Reading,
     Region,
     Stream,
     Table,
+    TextFile,
     regions_of,
 )
 from orthomill.schemas.memory import MIB
@@ -55,26 +61,6 @@ class NoWriter(Exception):
         self.what, self.stage = what, stage
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedJob:
-    """A job with everything the graph knows about it."""
-
-    job: Job | Export
-    dependencies: tuple[Key, ...]
-    fingerprint: Fingerprint
-    memory: int
-    """peak bytes of a worker that runs it"""
-    output_bytes: int
-    """bytes of the rasters it writes, uncompressed"""
-    data_bytes: int
-    """bytes of all pixels that it reads and writes, whether or not they are in memory at the same time"""
-    key: Key = field(init=False)
-    """that of the job: one tuple, which everything that holds keys holds"""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "key", self.job.key)
-
-
 class Graph:
     """All jobs planned so far."""
 
@@ -83,81 +69,107 @@ class Graph:
         self.run_folder = run_folder
         self.specs: dict[str, RasterSpec] = {}
         self._spec_texts: dict[str, str] = {}
-        self.jobs: dict[Key, PlannedJob] = {}
-        self._chunk_writers: dict[tuple[str, int, int], Key] = {}
-        self._table_writers: dict[str, Key] = {}
-        self._table_readers: dict[str, tuple[str, ...] | None] = {}
-        self._file_writers: dict[str, Key] = {}
-        self._joined: dict[Key, Key] = {}
+        self.jobs = PlannedJobs()
+        self.exports, self.light = array("i"), array("i")
+        """numbers of the exports, and of the jobs that read headers, texts and tables only and write tables only"""
+        self._chunks = ChunkWriters()
+        self._tables, self._files = FileWriters(), FileWriters()
+        self._table_readers: dict[str, tuple[str, ...]] = {}
+        self._joined: dict[int, int] = {}
         """writers of the parts of files -> what joins them"""
 
     def add_raster(self, spec: RasterSpec) -> None:
         """Announce a raster. Raises GraphError when it was announced differently."""
-        known = self.specs.setdefault(spec.name, spec)
-        # Its text is part of the fingerprint of every job that writes it: thousands of tiles, one raster.
-        self._spec_texts.setdefault(spec.name, repr(spec))
-        if known is not spec and not known.same(spec):
+        known = self.specs.get(spec.name)
+        if known is None:
+            self.specs[spec.name] = spec
+            # Its text is part of the fingerprint of every job that writes it: thousands of tiles, one raster.
+            self._spec_texts[spec.name] = repr(spec)
+            self._chunks.add_raster(spec)
+        elif known is not spec and not known.same(spec):
             raise GraphError(f"The raster {spec.name} is planned twice and differently: {known} and {spec}.")
 
     def add(self, job: Job | Export) -> PlannedJob | None:
         """Add a job to the graph; None when it is there already. Raises NoWriter, GraphError."""
         if isinstance(job, Job) and (wrong := misfit(job)):
             raise GraphError(wrong)
-        planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
+        before, planned = self._planned_export(job) if isinstance(job, Export) else self._planned_job(job)
         # A stage is planned again from its beginning whenever a table appears, and yields its earlier jobs again.
-        key = planned.key
-        if key in self.jobs:
-            if self.jobs[key].fingerprint != planned.fingerprint:
-                raise GraphError(f"Two different jobs are called {key}.")
+        known = self.jobs.keys_by_number.find(planned.key)
+        if known is not None:
+            if self.jobs.fingerprint(known) != planned.fingerprint:
+                raise GraphError(f"Two different jobs are called {planned.key}.")
             return None
-        self._claim_outputs(job, key)
-        self.jobs[key] = planned
-        if isinstance(job, Export) and joins_parts(job):
-            self._joined.update((self._exporter(job.stage, path), key) for path in job.files)
+        self._note(job, len(self.jobs), planned.key)
+        self.jobs.append(planned, before)
         return planned
+
+    def _note(self, job: Job | Export, number: int, key: Key) -> None:
+        """What a job writes is known from now on, and what kind it is of."""
+        self._claim_outputs(job, number, key)
+        if isinstance(job, Export):
+            self.exports.append(number)
+        elif _is_light(job):
+            self.light.append(number)
+        if isinstance(job, Export) and joins_parts(job):
+            self._joined.update((self._exporter(job.stage, path), number) for path in job.files)
 
     def writer_of_table(self, path: str) -> Key | None:
         """The job or export that writes a table; None where there is none yet."""
-        return self._table_writers.get(path)
+        number = self.number_of_table(path)
+        return None if number is None else self.jobs.keys_by_number[number]
+
+    def number_of_table(self, path: str) -> int | None:
+        """The number of the job that writes a table; None where there is none yet."""
+        return self._tables.writer(path)
 
     def joined_by(self, key: Key) -> PlannedJob | None:
         """The job that makes a file of the part that another one writes; None for all that write no part."""
-        return self.jobs[self._joined[key]] if key in self._joined else None
+        joiner = self._joined.get(self.jobs.number(key)) if self._joined else None
+        return None if joiner is None else self.jobs.at(joiner)
 
     def is_exported(self, path: str) -> bool:
         """Whether a planned export writes a file, given relative to the project's root."""
-        return path in self._file_writers
+        return self._files.writer(path) is not None
 
     def exported_shape(self, path: str) -> tuple[int, ...] | None:
         """The shape of the first raster of a file that a planned export writes; None where there is no such export."""
-        job = self.jobs[self._file_writers[path]].job if path in self._file_writers else None
+        number = self._files.writer(path)
+        job = None if number is None else self.jobs.job(number)
         return self.specs[next(iter(job.rasters.values()))].shape if isinstance(job, Export) and job.rasters else None
 
     def exported_files(self, folder: str) -> tuple[str, ...]:
         """Files that planned exports write in a folder of the run, relative to the project's root, sorted."""
         prefix = f"{self.run_folder}/{folder}/"
-        return tuple(sorted(path for path in self._file_writers if path.startswith(prefix)))
+        return tuple(sorted(path for path in self._files if path.startswith(prefix)))
 
-    def _planned_job(self, job: Job) -> PlannedJob:
+    def _planned_job(self, job: Job) -> tuple[list[int], PlannedJob]:
         regions = [region for reading in job.reads.values() for region in regions_of(reading)]
         for region in regions:
             self._check_reader(job, region)
-        keys: dict[Key, None] = {}
+        numbers: dict[int, None] = {}
         sources: list[str] = []
         for region in regions:
             found, external = self._writers(job.stage, region)
-            keys.update(dict.fromkeys(found))
-            sources.append(f"{region!r}{external}" if not isinstance(region, Table) else region.path)
+            numbers.update(dict.fromkeys(found))
+            sources.append(f"{region_text(region)}{external}" if not isinstance(region, Table) else region.path)
         held = sum(map(self._held_bytes, job.reads.values()))
         written = sum(self._spec(job, r.name).bytes_of(r.window) for r in job.writes.values() if isinstance(r, Raster))
         fingerprint = Fingerprint(
             settings=fp.digest(fp.of_value(job.params), *(self._output_text(job, name) for name in sorted(job.writes))),
             code=fp.of_code(job.function),
             # The fingerprints of the writers contain those of their writers: a change anywhere upstream is seen here.
-            inputs=fp.digest(*job.reads, *sources, *(self.jobs[key].fingerprint.text for key in keys)),
+            inputs=fp.digest(*job.reads, *sources, *(self.jobs.fingerprint(one).text for one in numbers)),
         )
         data = sum(map(self._bytes_of, regions)) + written
-        return PlannedJob(job, tuple(keys), fingerprint, PROCESS_BYTES + held + written + job.scratch, written, data)
+        return self._planned(job, numbers, fingerprint, PROCESS_BYTES + held + written + job.scratch, written, data)
+
+    def _planned(
+        self, job: Job | Export, numbers: Iterable[int], made_of: Fingerprint, memory: int, written: int, data: int
+    ) -> tuple[list[int], PlannedJob]:
+        before = list(numbers)
+        keys = tuple(self.jobs.keys_by_number[number] for number in before)
+        return before, PlannedJob(job, keys, made_of, memory, written, data)
 
     def _held_bytes(self, reading: Reading) -> int:
         """Bytes of one argument that are in memory at the same time."""
@@ -184,25 +196,25 @@ class Graph:
             return 3 * file.stat().st_size if file.exists() else 0
         return 0
 
-    def _planned_export(self, export: Export) -> PlannedJob:
-        keys: dict[Key, None] = {}
+    def _planned_export(self, export: Export) -> tuple[list[int], PlannedJob]:
+        numbers: dict[int, None] = {}
         named = [Raster(name, self._part(export, name)) for name in export.rasters.values()]
         regions = [region for region in named if not region.window.empty]
         for region in regions if export.window else ():
             self._check_window(export, region)
         sources: tuple[Region, ...] = (*regions, *export.tables, *export.beside)
         for source in sources:
-            keys.update(dict.fromkeys(self._writers(export.stage, source)[0]))
-        keys.update(dict.fromkeys(self._exporter(export.stage, path) for path in export.files))
+            numbers.update(dict.fromkeys(self._writers(export.stage, source)[0]))
+        numbers.update(dict.fromkeys(self._exporter(export.stage, path) for path in export.files))
         tables = [table.path for table in (*export.tables, *export.beside)]
         part = [repr(export.window), *export.files] if export.window or export.files else []
         fingerprint = Fingerprint(
             settings=fp.digest(export.path, export.format, fp.of_value(export.rasters), *tables, *part),
             code=fp.of_code(export_file),
-            inputs=fp.digest(*(self.jobs[key].fingerprint.text for key in keys)),
+            inputs=fp.digest(*(self.jobs.fingerprint(one).text for one in numbers)),
         )
         data = sum(map(self._bytes_of, regions))
-        return PlannedJob(export, tuple(keys), fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0, data)
+        return self._planned(export, numbers, fingerprint, PROCESS_BYTES + EXPORT_BYTES, 0, data)
 
     def _part(self, export: Export, name: str) -> Window:
         """What an export reads of one of its rasters; empty where that has nothing on the ground of its part."""
@@ -217,7 +229,7 @@ class Graph:
         if not isinstance(output, Raster):
             return f"{name} {output.path}"
         self._spec(job, output.name)
-        return f"{name} {output!r} {self._spec_texts[output.name]}"
+        return f"{name} {region_text(output)} {self._spec_texts[output.name]}"
 
     def _spec(self, job: Job, name: str) -> RasterSpec:
         if name not in self.specs:
@@ -245,26 +257,27 @@ class Graph:
         if region.window.empty or region.window.clipped(spec.shape) != region.window:
             raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
 
-    def _writers(self, stage: str, region: Region) -> tuple[list[Key], str]:
+    def _writers(self, stage: str, region: Region) -> tuple[list[int], str]:
         """The jobs that write a region, and for a file of the user the digest of its content."""
         if isinstance(region, Raster):
-            return [self._chunk_writer(stage, region.name, chunk) for chunk in self._chunks(region.name, region.window)], ""
+            chunks = chunks_of(self.specs[region.name], region.window)
+            return [self._chunk_writer(stage, region.name, chunk) for chunk in chunks], ""
         if isinstance(region, Table):
-            if region.path not in self._table_writers:
+            if (number := self._tables.writer(region.path)) is None:
                 raise NoWriter(f"the table {region.path}", stage)
-            return [self._table_writers[region.path]], ""
+            return [number], ""
         return self._file_writer(region)
 
-    def _exporter(self, stage: str, path: str) -> Key:
+    def _exporter(self, stage: str, path: str) -> int:
         """The export that writes a file of the run's folder."""
-        if (key := self._file_writers.get(f"{self.run_folder}/{path}")) is None:
+        if (number := self._files.writer(f"{self.run_folder}/{path}")) is None:
             raise NoWriter(f"the file {path}", stage)
-        return key
+        return number
 
-    def _file_writer(self, region: FileRegion) -> tuple[list[Key], str]:
+    def _file_writer(self, region: FileRegion) -> tuple[list[int], str]:
         # A file in the run's folder that an export writes depends on that export, and is not looked at before it exists.
-        if region.path in self._file_writers:
-            return [self._file_writers[region.path]], ""
+        if (number := self._files.writer(region.path)) is not None:
+            return [number], ""
         refuse_joined(region.path)
         try:
             return [], fp.of_file(self.root / region.path)
@@ -273,37 +286,41 @@ class Graph:
                 f"{region.path} cannot be read ({error.strerror}); put the file there or correct the workflow."
             ) from error
 
-    def _chunk_writer(self, stage: str, name: str, chunk: tuple[int, int]) -> Key:
-        key = self._chunk_writers.get((name, *chunk))
-        if key is None:
+    def _chunk_writer(self, stage: str, name: str, chunk: Chunk) -> int:
+        number = self._chunks.writer(name, chunk)
+        if number is None:
             raise NoWriter(f"the raster {name} at chunk {chunk}", stage)
-        return key
+        return number
 
-    def _chunks(self, name: str, window: Window) -> Iterator[tuple[int, int]]:
-        high, wide = self.specs[name].chunks[:2]
-        rows = range(window.row // high, -(-(window.row + window.height) // high))
-        cols = range(window.col // wide, -(-(window.col + window.width) // wide))
-        return product(rows, cols)
-
-    def _claim_outputs(self, job: Job | Export, key: Key) -> None:
+    def _claim_outputs(self, job: Job | Export, number: int, key: Key) -> None:
         if isinstance(job, Export):
-            self._claim(self._file_writers, f"{self.run_folder}/{job.path}", key)
+            path = f"{self.run_folder}/{job.path}"
+            self._check_claim(self._files.claim(path, number), number, key, path)
             return
         for output in job.writes.values():
             if isinstance(output, Table):
-                self._claim(self._table_writers, output.path, key)
-                self._table_readers[output.path] = output.readers
+                self._check_claim(self._tables.claim(output.path, number), number, key, output.path)
+                if output.readers is not None:
+                    self._table_readers[output.path] = output.readers
                 continue
             spec = self.specs[output.name]
             if not aligned(output.window, spec.shape, spec.chunks):
                 raise GraphError(f"{key} writes {output.window} of {output.name}, which cuts its chunks of {spec.chunks[:2]}.")
-            for chunk in self._chunks(output.name, output.window):
-                self._claim(self._chunk_writers, (output.name, *chunk), key)
+            for chunk in chunks_of(spec, output.window):
+                self._check_claim(self._chunks.claim(output.name, chunk, number), number, key, (output.name, *chunk))
 
-    def _claim(self, writers: dict, what: object, key: Key) -> None:
-        other = writers.setdefault(what, key)
-        if other != key:
-            raise GraphError(f"{what} has two writers: {other} and {key}.")
+    def _check_claim(self, writer: int, number: int, key: Key, what: object) -> None:
+        if writer != number:
+            raise GraphError(f"{what} has two writers: {self.jobs.keys_by_number[writer]} and {key}.")
+
+
+def _is_light(job: Job) -> bool:
+    """Whether it reads headers, texts and tables only, and writes tables only."""
+    # A job that reads nothing computes, and one that writes rasters does so at length.
+    regions = [region for reading in job.reads.values() for region in regions_of(reading)]
+    if not regions or not all(isinstance(region, Table) for region in job.writes.values()):
+        return False
+    return all(isinstance(region, Table | TextFile | PhotoHeader | PhotoPicture) for region in regions)
 
 
 def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> None:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
-from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob
+from orthomill.pipeline.engine.graph import Graph, NoWriter
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.export.file_parts import in_parts
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.errors import WorkflowError
@@ -54,20 +55,14 @@ class Planner:
         """Stages of which not all jobs are planned."""
         return tuple(stage for stage in self.stages if stage.kind not in self.complete)
 
-    def advance(self) -> list[PlannedJob]:
-        """Plan all that can be planned now; returns the new jobs in an order in which they can run.
+    def advance(self) -> Iterator[PlannedJob]:
+        """Plan all that can be planned now: the new jobs one after the other, in an order in which they can run.
 
         Raises WorkflowError when a stage needs what no stage of the workflow produces.
         """
-        new: list[PlannedJob] = []
         for stage in self.open_stages:
-            self._asking = stage.kind
             try:
-                for item in stage.plan(self):
-                    if isinstance(item, RasterSpec):
-                        self.graph.add_raster(item)
-                    else:
-                        new += self._added(item)
+                yield from self._jobs_of(stage)
             except NotYet as missing:  # what was yielded before is in the graph and can run
                 self.waiting_for[stage.kind] = str(missing)
             except NoWriter as missing:
@@ -75,7 +70,19 @@ class Planner:
             else:
                 self.complete.add(stage.kind)
                 self.waiting_for.pop(stage.kind, None)
-        return new
+
+    def _jobs_of(self, stage: Stage) -> Iterator[PlannedJob]:
+        """What a stage plans and the graph did not hold yet."""
+        items = stage.plan(self)
+        while True:
+            self._asking = stage.kind
+            if (item := next(items, None)) is None:
+                return
+            if isinstance(item, RasterSpec):
+                self.graph.add_raster(item)
+            else:
+                # All parts of a file are in the graph, and what joins them, before anybody looks at the first.
+                yield from list(self._added(item))
 
     def _added(self, item: Job | Export) -> Iterator[PlannedJob]:
         """What the graph did not hold yet; a large GeoTIFF is several jobs."""

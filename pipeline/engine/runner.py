@@ -52,6 +52,10 @@ class Runner(Protocol):
     def busy(self) -> bool:
         """Whether submitted jobs are unfinished."""
 
+    @property
+    def wants_more(self) -> bool:
+        """Whether it has a use for more jobs now. What it does not want costs less room where it is."""
+
     def close(self) -> None:
         """Drop what has not started and free everything."""
 
@@ -75,6 +79,10 @@ class SequentialRunner:
     @property
     def busy(self) -> bool:
         return bool(self._waiting)
+
+    @property
+    def wants_more(self) -> bool:
+        return not self._waiting
 
     def next(self) -> Finished:
         work, dependencies = self._waiting.popleft()

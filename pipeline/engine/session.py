@@ -14,8 +14,11 @@ from typing import Protocol
 
 from orthomill.pipeline.engine.execute import JobOrder
 from orthomill.pipeline.engine.fingerprint import of_file
-from orthomill.pipeline.engine.graph import Graph, NoWriter, PlannedJob, check_memory
+from orthomill.pipeline.engine.graph import Graph, NoWriter, check_memory
 from orthomill.pipeline.engine.interruption import stop_if_asked
+from orthomill.pipeline.engine.planned.job_states import VALID, JobState, JobStates, KeysIn, Reasons
+from orthomill.pipeline.engine.planned.planned_jobs import PendingJobs, PlannedJob
+from orthomill.pipeline.engine.planned.record_sums import RecordSums
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.replaced_products import drop_replaced
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
@@ -81,15 +84,9 @@ class Session:
     root: Path
     list_images: Callable[[PhotoFiles | MaskFiles], tuple[str, ...]]
     forced: frozenset[str] = frozenset()
-    done: set[Key] = field(default_factory=set)
-    skipped: set[Key] = field(default_factory=set)
     failures: dict[Key, str] = field(default_factory=dict)
-    blocked: set[Key] = field(default_factory=set)
-    reasons: dict[Key, str] = field(default_factory=dict)
     defects: dict[Key, str] = field(default_factory=dict)
     """jobs of earlier runs whose results were lost or damaged, and which of it"""
-    pending: list[PlannedJob] = field(default_factory=list)
-    """planned, to be run, not yet submitted; in an order in which they can run"""
 
     def __post_init__(self) -> None:
         relative = f"runs/{self.project.project}"
@@ -106,32 +103,67 @@ class Session:
         # Distinguishes the jobs of this run in the records: a worker that Dask asks twice can see that the job is done already.
         self.mark = uuid.uuid4().hex
         self.graph = Graph(self.root, relative)
-        self.planner = Planner(self.project, self.stages, self.graph, self.store, self.is_valid, self.list_images)
+        self.planner = Planner(self.project, self.stages, self.graph, self.store, self._is_known, self.list_images)
+        self._jobs, keys = self.graph.jobs, self.graph.jobs.keys_by_number
+        self._states = JobStates(keys)
+        self.done, self.skipped, self.blocked = (
+            KeysIn(self._states, state) for state in (JobState.DONE, JobState.SKIPPED, JobState.BLOCKED)
+        )
+        self.reasons = Reasons(keys)
+        self.pending = PendingJobs(self._jobs)
+        """planned, to be run, not yet submitted; in an order in which they can run"""
+        self._sums = RecordSums()
+        self._planned_before: int | None = None
+        """while jobs are planned: the number of the first"""
+        self._awaited: set[int] = set()
+        """the jobs that write tables for which stages wait"""
 
     def is_valid(self, key: Key) -> bool:
         """Whether the results of a job are there and describe the project as it is."""
-        return key in self.done or key in self.skipped
+        number = self._jobs.keys_by_number.find(key)
+        return number is not None and self._states.is_valid(number)
+
+    def _is_known(self, key: Key) -> bool:
+        """Whether stages may be told of a table of a job. Of what is planned at the moment the next planning makes use."""
+        new = self._planned_before is not None and self._jobs.number(key) >= self._planned_before
+        return not new and self.is_valid(key)
 
     def plan(self) -> None:
         """Plan all that can be planned now: what is still valid is skipped, the rest is pending."""
-        # A skipped job may have written, in an earlier run, the table that a stage waits for: then more can be planned at once.
         self._found.clear()
-        while True:
-            new = self.planner.advance()
-            for planned in new:
-                reason = self._reason(planned)
-                if reason is None:
-                    self.skipped.add(planned.key)
-                else:
-                    self.reasons[planned.key] = reason
-                    self.pending.append(planned)
-            if not any(self._unlocks(planned.key) for planned in new if planned.key in self.skipped):
-                return
+        # A skipped job may have written, in an earlier run, the table that a stage waits for: then more can be planned at once.
+        more = True
+        while more:
+            self._planned_before = len(self._jobs)
+            try:
+                for planned in self.planner.advance():
+                    self._sort(self._jobs.number(planned.key), planned)
+                self._awaited = set(self._writers_of_awaited())
+                more = any(number >= self._planned_before and self._states.is_valid(number) for number in self._awaited)
+            finally:
+                self._planned_before = None
 
-    def _reason(self, planned: PlannedJob) -> str | None:
+    def _sort(self, number: int, planned: PlannedJob) -> None:
+        """A job that was planned is skipped or pending."""
+        record = self.records.get(planned.key)
+        reason = self._reason(planned, record)
+        if reason is None:
+            self._states[number] = JobState.SKIPPED
+            assert record
+            self._sums.add(record, earlier=True)
+        else:
+            self.reasons[planned.key] = reason
+            self.pending.append(number)
+
+    def _writers_of_awaited(self) -> Iterator[int]:
+        for what in self.planner.waiting_for.values():
+            number = self.graph.number_of_table(what.removeprefix("the table "))
+            if number is not None:
+                yield number
+
+    def _reason(self, planned: PlannedJob, record: Record | None) -> str | None:
         if planned.job.stage in self.forced:
             return "asked for"
-        record = self.records.get(planned.key)
         defect = self._defect(planned, record) if record else None
         if defect == "missing" and self._is_joined(planned):
             defect = None
@@ -143,7 +175,7 @@ class Session:
     def _is_joined(self, planned: PlannedJob) -> bool:
         """Whether a job wrote the part of a file that is there: the part has gone then."""
         joined = self.graph.joined_by(planned.key)
-        return joined is not None and self._reason(joined) is None
+        return joined is not None and self._reason(joined, self.records.get(joined.key)) is None
 
     def _births(self, planned: PlannedJob) -> dict[str, str]:
         if isinstance(planned.job, Export):
@@ -173,14 +205,6 @@ class Session:
             for region in planned.job.writes.values()
         )
 
-    def _unlocks(self, key: Key) -> bool:
-        """Whether a stage waits for a table that this job wrote."""
-        job = self.graph.jobs[key].job
-        if isinstance(job, Export):  # stages plan with tables only; exported files are read by jobs
-            return False
-        tables = {f"the table {region.path}" for region in job.writes.values() if isinstance(region, Table)}
-        return bool(tables.intersection(self.planner.waiting_for.values()))
-
     def outlines(self) -> Iterator[tuple[str, Outline]]:
         """What the photographs show of the ground, as far as it is known."""
         for stage in self.stages:
@@ -190,30 +214,34 @@ class Session:
     def run(self, runner: Runner, watcher: Watcher) -> None:
         """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""
         self._plan_and_submit(runner, watcher)
-        while runner.busy or self._goes_again(runner):
+        while runner.busy or self.pending or self._goes_again():
             stop_if_asked()
+            self._submit(runner)
             finished = runner.next()
             record = self._note(finished, watcher)
             if finished.status == "done" and record:
                 runner.learn(finished.key, record.seconds)
             # Planning walks through all open stages, so it is repeated only when a table has appeared that one of them waits for.
-            if finished.status == "done" and self._unlocks(finished.key):
+            if finished.status == "done" and self._jobs.number(finished.key) in self._awaited:
                 self._plan_and_submit(runner, watcher)
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         self.plan()
         self.check_resources(runner.room)
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
-        for key in list(self.graph.jobs)[self._announced :]:
-            watcher.planned(self.graph.jobs[key])
-            if self.is_valid(key):
-                watcher.skipped(key)
-        self._announced = len(self.graph.jobs)
+        for number in range(self._announced, len(self._jobs)):
+            planned = self._jobs.at(number)
+            watcher.planned(planned)
+            if self._states.is_valid(number):
+                watcher.skipped(planned.key)
+        self._announced = len(self._jobs)
         self._submit(runner)
 
     def _submit(self, runner: Runner) -> None:
-        for planned in self.pending:
+        """Hand over as many jobs as the runner wants; the rest waits here, where it takes less room."""
+        while self.pending and runner.wants_more:
             stop_if_asked()
+            planned = self.pending.popleft()
             # Rasters are created here and not by the workers: two workers that create the same one would race.
             self._create_outputs(planned)
             reason, wave = self.reasons[planned.key], self.records.begin()
@@ -221,7 +249,6 @@ class Session:
                 planned.job, self.root, self.folder, planned.fingerprint, reason, self.mark, wave, *self._elsewhere(planned)
             )
             runner.submit(work, planned.dependencies, planned.memory)
-        self.pending.clear()
 
     def _elsewhere(self, planned: PlannedJob) -> tuple[str, tuple[tuple[str, str], ...]]:
         """For a worker that does not see this disk: where the results are kept, and the user's files that the job reads there."""
@@ -244,12 +271,12 @@ class Session:
     def check_resources(self, room: int) -> None:
         """Raises ResourceError when a pending job needs more than `room` bytes, all that a job has which runs alone, or all of them
         more disk than is free."""
-        for planned in self.pending:
-            check_memory(planned, room)
+        if (large := self.pending.first_above(room)) is not None:
+            check_memory(large, room)
         self.folder.mkdir(parents=True, exist_ok=True)
         if not isinstance(self.depot, Folder):
             return
-        needed = sum(planned.output_bytes for planned in self.pending) // COMPRESSION
+        needed = self.pending.output_bytes // COMPRESSION
         free = shutil.disk_usage(self.folder).free
         if self.pending and needed + DISK_RESERVE > free:
             raise ResourceError(
@@ -259,16 +286,20 @@ class Session:
 
     def _note(self, finished: Finished, watcher: Watcher) -> Record | None:
         """Keeps what became of a job, and tells who watches; its record."""
-        if finished.status == "done":
-            self.done.add(finished.key)
-            self._drop_parts(finished.key)
-        elif finished.status == "failed":
-            self.failures[finished.key] = finished.sentence
-            self._suspect_inputs(finished.key)
-        else:
-            self.blocked.add(finished.key)
         # What was never tried may have a record of an earlier run.
         record = self._record_of(finished) if finished.status != "blocked" else None
+        number = self._jobs.number(finished.key)
+        if finished.status == "done":
+            self._states[number] = JobState.DONE
+            if record:
+                self._sums.add(record, earlier=False)
+            self._drop_parts(number)
+        elif finished.status == "failed":
+            self._states[number] = JobState.FAILED
+            self.failures[finished.key] = finished.sentence
+            self._suspect_inputs(number)
+        else:
+            self._states[number] = JobState.BLOCKED
         watcher.finished(finished, record)
         return record
 
@@ -279,57 +310,72 @@ class Session:
             return known
         return self.records.afresh(finished.key)
 
-    def _suspect_inputs(self, key: Key) -> None:
+    def _suspect_inputs(self, number: int) -> None:
         """After a failure: what an earlier run left for the job may have been damaged without a trace but its content."""
         self._found.clear()
-        for before in self.graph.jobs[key].dependencies:
-            record = self.records.get(before) if before in self.skipped else None
-            if record and self._defect(self.graph.jobs[before], record, thoroughly=True):
+        for before in self._jobs.before(number):
+            if self._states[before] != JobState.SKIPPED:
+                continue
+            planned = self._jobs.at(before)
+            record = self.records.get(planned.key)
+            if record and self._defect(planned, record, thoroughly=True):
                 self.records.put(record.model_copy(update={"status": "damaged"}))
-                self._rotten.add(before)
+                self._rotten.add(planned.key)
 
-    def _goes_again(self, runner: Runner) -> bool:
+    def _goes_again(self) -> bool:
         """Whether results turned out to be damaged: their jobs run once more, and with them all that failed or was blocked."""
         if not self._rotten:
             return False
         again = {*self._rotten, *self.failures, *self.blocked, *self._parts_gone(self._rotten)}
         self.defects.update(dict.fromkeys(self._rotten, "result is damaged"))
         self.reasons.update(dict.fromkeys(again, "result is damaged"))
-        self.skipped -= again
-        self.blocked.clear()
         self.failures.clear()
         self._rotten.clear()
-        self.pending = [planned for key, planned in self.graph.jobs.items() if key in again]
-        self._submit(runner)
+        for number in sorted(map(self._jobs.number, again)):
+            self._states[number] = JobState.TO_DO
+            self.pending.append(number)
+        self._add_up()
         return True
+
+    def _add_up(self) -> None:
+        """Of the jobs that are valid now."""
+        self._sums.clear()
+        for state in VALID:
+            for number in self._states.numbers(state):
+                if record := self.records.get(self._jobs.keys_by_number[number]):
+                    self._sums.add(record, earlier=state == JobState.SKIPPED)
 
     def _parts_gone(self, joined: Iterable[Key]) -> Iterator[Key]:
         """The jobs whose files these ones joined, and which have gone since."""
-        for before in (before for key in joined for before in self.graph.jobs[key].dependencies):
-            if self.graph.joined_by(before) and not self._outputs_exist(self.graph.jobs[before]):
+        for before in (before for key in joined for before in self._jobs[key].dependencies):
+            if self.graph.joined_by(before) and not self._outputs_exist(self._jobs[before]):
                 yield before
 
     def drop_parts(self) -> None:
         """Remove the parts of all files that are there, whichever run made them."""
-        for key in self.graph.jobs:
-            if self.is_valid(key):
-                self._drop_parts(key)
+        for number in self.graph.exports:
+            if self._states.is_valid(number):
+                self._drop_parts(number)
 
-    def _drop_parts(self, key: Key) -> None:
-        job = self.graph.jobs[key].job
+    def _drop_parts(self, number: int) -> None:
+        job = self._jobs.job(number)
         if isinstance(job, Export) and joins_parts(job):
             self.depot.clear(parts_of(job.path))
 
     def drop_replaced(self) -> str:
         """Remove products in the form that they had before; one sentence that names them."""
-        made = (planned.job for key, planned in self.graph.jobs.items() if self.is_valid(key))
-        return drop_replaced((job for job in made if isinstance(job, Export)), self.depot, self.records)
+        made = (self._jobs.job(number) for number in self.graph.exports if self._states.is_valid(number))
+        return drop_replaced([job for job in made if isinstance(job, Export)], self.depot, self.records)
 
     def take_up(self) -> None:
         """After its runner was lost: whatever has not been done is pending again, for another runner and another watcher."""
         self.failures.clear()
-        self.blocked.clear()
-        self.pending = [planned for key, planned in self.graph.jobs.items() if not self.is_valid(key)]
+        for state in (JobState.FAILED, JobState.BLOCKED):
+            self._states.clear(state)
+        self.pending.clear()
+        for number in range(len(self._jobs)):
+            if not self._states.is_valid(number):
+                self.pending.append(number)
         self._announced = 0
 
     def stage_runs(self) -> tuple[StageRun, ...]:
@@ -337,37 +383,28 @@ class Session:
         return tuple(self._stage_run(stage.kind) for stage in self.stages)
 
     def _stage_run(self, kind: str) -> StageRun:
-        keys = [key for key in self.graph.jobs if key[0] == kind]
-        valid = self._valid_records(keys)
+        counts, taken = self._states.counts(kind), self._sums.of(kind)
         return StageRun(
             kind,
-            jobs=len(keys),
-            done=sum(key in self.done for key in keys),
-            skipped=sum(key in self.skipped for key in keys),
-            failed=sum(key in self.failures for key in keys),
-            seconds=sum(record.seconds for record in valid),
-            peak_bytes=max((record.peak_bytes for record in valid), default=None),
-            cpu_seconds=sum(record.cpu_seconds for record in valid),
-            written=sum(kept.size for record in valid for kept in record.files.values()),
-            reported=self._reported(keys),
+            jobs=sum(counts),
+            done=counts[JobState.DONE],
+            skipped=counts[JobState.SKIPPED],
+            failed=counts[JobState.FAILED],
+            seconds=taken.seconds,
+            peak_bytes=taken.peak_bytes,
+            cpu_seconds=taken.cpu_seconds,
+            written=taken.written,
+            reported=self._is_reported(kind),
         )
-
-    def _valid_records(self, keys: Iterable[Key]) -> list[Record]:
-        """Records of the jobs whose results are valid, whichever run did them."""
-        return [record for key in keys if self.is_valid(key) and (record := self.records.get(key))]
 
     def earlier_runs(self) -> tuple[float, ...]:
         """How long each earlier run took whose results are still valid, from its first to its last job among them, s."""
-        spans: dict[str, tuple[float, float]] = {}
-        for record in self._valid_records(self.skipped):
-            begun, ended = spans.get(record.run, (record.started, 0.0))
-            spans[record.run] = min(begun, record.started), max(ended, record.started + record.seconds)
-        return tuple(ended - begun for begun, ended in sorted(spans.values()))
+        return tuple(ended - begun for begun, ended in sorted(self._sums.spans.values()))
 
-    def _reported(self, keys: list[Key]) -> bool:
-        """Whether the job among `keys` that writes the stage's report is done; a report found otherwise is of an earlier run."""
-        jobs = {key: self.graph.jobs[key].job for key in keys if key in self.done or key in self.skipped}
-        return any(not isinstance(job, Export) and report_table(key[0]) in job.writes.values() for key, job in jobs.items())
+    def _is_reported(self, kind: str) -> bool:
+        """Whether the job that writes a stage's report is done; a report found otherwise is of an earlier run."""
+        number = self.graph.number_of_table(report_table(kind).path)
+        return number is not None and self._states.is_valid(number)
 
     def failure_list(self) -> tuple[Failure, ...]:
         """The jobs that failed, each with its sentence."""

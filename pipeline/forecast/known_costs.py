@@ -15,7 +15,7 @@ from statistics import fmean, geometric_mean
 
 from pydantic import TypeAdapter, ValidationError
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.schemas.job import Export
 from orthomill.schemas.raster import RasterSpec

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from types import MappingProxyType
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.forecast.known_costs import (
     MARGIN,

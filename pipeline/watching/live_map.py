@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.run_facts import TILES
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.engine.running import write_for_the_user_only

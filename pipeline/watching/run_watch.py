@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.engine.session import Watcher
 from orthomill.pipeline.records.records import Key, Record

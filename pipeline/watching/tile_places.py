@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.watching.tile_board import Panel
 from orthomill.schemas.job import Export, Raster
 from orthomill.schemas.raster import RasterSpec

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table as Lines
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.records.records import Key, Record
 from orthomill.pipeline.watching.cost_model import CostModel, Remaining

@@ -88,8 +88,8 @@ def test_a_run_killed_while_they_go_needs_them_no_more(tmp_path, monkeypatch):
     assert run_again(tmp_path).done == {("surface", "extent", 0, 0)}
 
 
-def one_less(session: Session, key: tuple) -> None:
+def one_less(session: Session, number: int) -> None:
     """Killed when one of them has gone."""
-    if key == WHOLE:
+    if session.graph.jobs.keys_by_number[number] == WHOLE:
         (session.folder / "parts/products/z.tif/0-0.tif").unlink()
         raise Killed

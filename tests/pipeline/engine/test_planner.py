@@ -46,8 +46,8 @@ def test_planning_goes_as_far_as_the_tables_that_exist(tmp_path):
 
 def test_a_complete_stage_is_not_asked_again(tmp_path):
     planner = planner_of(tmp_path, OnceStage())
-    planner.advance()
-    assert planner.complete == {"once"} and planner.advance() == []
+    list(planner.advance())
+    assert planner.complete == {"once"} and not list(planner.advance())
     assert OnceStage.asked == 1
 
 
@@ -105,12 +105,12 @@ class OnceStage(Stage):
 )
 def test_what_no_stage_produces_is_refused(tmp_path, stages, sentence):
     with pytest.raises(WorkflowError, match=sentence):
-        planner_of(tmp_path, *stages).advance()
+        list(planner_of(tmp_path, *stages).advance())
 
 
 def test_a_stage_waits_as_long_as_an_earlier_one_is_not_planned_completely(tmp_path):
     planner = planner_of(tmp_path, SourceStage(), SumStage())
-    planner.advance()
+    list(planner.advance())
     assert planner.waiting_for["sum"] == "the raster smooth/numbers"
 
 
@@ -136,10 +136,9 @@ def test_simulated_photographs_are_the_images_among_the_exports(tmp_path):
     planner = planner_of(tmp_path, SimulationStage())
     with pytest.raises(NotYet):
         planner.image_files(SIMULATED)
-    planner.advance()
-    writers = planner.graph._file_writers
+    list(planner.advance())
     for name in ("b.TIF", "a.jpg", "notes.txt"):
-        writers[f"runs/toy/photographs/{name}"] = ("simulation", name, 0, 0)
+        planner.graph.add(Export("simulation", name, f"photographs/{name}", "tiff"))
     assert planner.image_files(SIMULATED) == ("runs/toy/photographs/a.jpg", "runs/toy/photographs/b.TIF")
     assert planner.run_file("photographs/a.jpg") == "runs/toy/photographs/a.jpg"
 
@@ -171,4 +170,4 @@ def read_text(text: str) -> Size:
 
 def test_a_missing_file_of_the_user_ends_planning_with_its_name(tmp_path):
     with pytest.raises(WorkflowError, match=r"points\.csv cannot be read"):
-        planner_of(tmp_path, TextStage()).advance()
+        list(planner_of(tmp_path, TextStage()).advance())

@@ -2,7 +2,7 @@
 
 import pytest
 
-from orthomill.pipeline.engine.graph import PlannedJob
+from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.forecast.known_costs import (
     FunctionCost,
     RunCosts,

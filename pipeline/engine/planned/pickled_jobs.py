@@ -1,0 +1,36 @@
+"""Jobs as bytes and back, in the memory of one process. What holds large arrays, or a function that no module has, is refused."""
+
+import io
+import pickle
+from typing import Any
+
+import numpy as np
+
+from orthomill.schemas.job import Export, Job
+
+LARGEST = 4096
+"""bytes of an array that is copied"""
+
+
+def _small_array(value: np.ndarray) -> Any:
+    # Several jobs may have parts of one large array among their parameters, which is in memory once.
+    if value.nbytes > LARGEST:
+        raise ValueError(f"an array of {value.nbytes} bytes")
+    return value.__reduce__()
+
+
+class _JobPickler(pickle.Pickler):
+    dispatch_table = {np.ndarray: _small_array}  # noqa: RUF012
+
+
+def dumps(jobs: list[Job | Export]) -> bytes:
+    """Jobs as bytes."""
+    stream = io.BytesIO()
+    _JobPickler(stream, pickle.HIGHEST_PROTOCOL).dump(jobs)
+    return stream.getvalue()
+
+
+def loads(content: bytes) -> list[Job | Export]:
+    """Jobs from such bytes."""
+    jobs: list[Job | Export] = pickle.loads(content)  # noqa: S301
+    return jobs
