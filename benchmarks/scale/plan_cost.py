@@ -21,10 +21,13 @@ from benchmarks.scale.engine_cost import CHUNK, MEMORY, PROJECT, Tiles
 from orthomill.pipeline.engine.execute import JobOrder
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.engine.session import Session, Unwatched
-from orthomill.pipeline.records.records import Key, Record, Records
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.storage.store import Store
 from orthomill.schemas.job import Raster
 
+HELD = 2000
+"""jobs that the runner holds"""
 SIZES = (10_000, 100_000, 1_000_000)
 
 
@@ -91,7 +94,7 @@ class RecordingRunner:
 
     @property
     def wants_more(self) -> bool:
-        return not self._waiting
+        return len(self._waiting) < HELD
 
     def next(self) -> Finished:
         """The next in the order in which they came."""

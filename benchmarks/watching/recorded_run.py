@@ -18,7 +18,8 @@ from orthomill.pipeline.engine.foresight import photograph_pixels
 from orthomill.pipeline.engine.running import session_of
 from orthomill.pipeline.engine.session import Session
 from orthomill.pipeline.forecast.known_costs import Family, effort_of, family_of, largest_grids
-from orthomill.pipeline.records.records import Key, Record, Records
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.workflow.workflow_file import load_workflow, resolve_workflow
 from orthomill.tasks.catalogue import STAGES
 

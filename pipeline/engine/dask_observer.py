@@ -17,7 +17,7 @@ from distributed.diagnostics.plugin import SchedulerPlugin
 from tornado.web import RequestHandler
 
 from orthomill.pipeline.engine.dask_cluster import LOST
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.numbered_names import Key
 
 ASKED = 1.0
 """seconds after which a scheduler elsewhere is asked again what its workers do"""

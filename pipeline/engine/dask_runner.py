@@ -27,7 +27,7 @@ from orthomill.pipeline.engine.runner import ATTEMPTS, End, Finished
 from orthomill.pipeline.engine.workers.order_batches import MOST, Batch, BatchFailed, Durations, Order, next_batch
 from orthomill.pipeline.engine.workers.worker_terms import Declined, Terms, objection
 from orthomill.pipeline.engine.workers.workforce import DESERTED, NOBODY, Workforce
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.numbered_names import Key
 
 WAVE, EACH = 2000, 20
 """Tasks that the scheduler holds at most, and for each worker; the rest waits here. Some wait for others of them: with 20 for each

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 from orthomill.pipeline.engine.freed_memory import give_back
 from orthomill.pipeline.engine.one_thread import opencv_on_one_thread
 from orthomill.pipeline.export.exports import export
-from orthomill.pipeline.records.records import NOT_DONE, Fingerprint, Key, Record, Records
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import NOT_DONE, Fingerprint, Record, Records
 from orthomill.pipeline.storage.array_metadata import StoredArray
 from orthomill.pipeline.storage.depots.depot import Depot, KeptFile
 from orthomill.pipeline.storage.depots.folder import Folder

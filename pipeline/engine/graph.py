@@ -16,7 +16,8 @@ from orthomill.pipeline.engine.planned.file_writers import FileWriters
 from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob, PlannedJobs
 from orthomill.pipeline.export.exports import export as export_file
 from orthomill.pipeline.export.file_parts import joins_parts
-from orthomill.pipeline.records.records import Fingerprint, Key
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Fingerprint
 from orthomill.pipeline.storage.depots.product_files import refuse_joined
 from orthomill.pipeline.storage.store import aligned
 from orthomill.schemas.errors import OrthomillError, ResourceError, WorkflowError

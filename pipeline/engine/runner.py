@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from orthomill.pipeline.engine.execute import JobFailed, JobOrder, execute
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.numbered_names import Key
 from orthomill.schemas.errors import ResourceError
 
 ATTEMPTS = 2

@@ -24,7 +24,8 @@ from orthomill.pipeline.engine.replaced_products import drop_replaced
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.export.file_parts import joins_parts, parts_of
-from orthomill.pipeline.records.records import DEFECTS, Key, Record, Records, key_text, reason_to_run
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import DEFECTS, Record, Records, key_text, reason_to_run
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.depots.kept_files import Defect, first_defect

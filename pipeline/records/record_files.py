@@ -4,9 +4,10 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 
+from orthomill.pipeline.records.kept_lines import KeptLines
 from orthomill.pipeline.records.record_lines import STATUSES, Place, RecordLine, line_of, read_lines
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.file_names import file_name
@@ -55,7 +56,7 @@ class StageFiles:
     def __init__(self, depot: Depot, folder: str, least: int = 0) -> None:
         self._depot = depot
         self.folder = folder
-        self.lines: dict[Place, RecordLine] = {}
+        self.lines = KeptLines()
         self.damaged: set[str] = set()
         """files in which something cannot be read"""
         self._least = least
@@ -81,7 +82,7 @@ class StageFiles:
     def _read_on(self) -> None:
         for name, size in self._counting():
             if size < self._read.get(name, 0):  # another file of this name
-                self.lines.clear()
+                self.lines = KeptLines()
                 self._read.clear()
                 return self._read_on()
             if size > self._read.get(name, 0):
@@ -108,22 +109,28 @@ class StageFiles:
             self._read[name] = len(content)
             self._keep(name, _of_one_job(name, content))
             return
-        content = self._depot.get(f"{self.folder}/{name}", self._read.get(name, 0))
-        whole = content.rfind(b"\n") + 1
-        self._read[name] = self._read.get(name, 0) + whole
-        for found in read_lines(content[:whole], wave_of(name)):
-            self._keep(name, found)
+        left = b""
+        for block in self._blocks(name):
+            content = left + block
+            whole = content.rfind(b"\n") + 1
+            self._read[name] = self._read.get(name, 0) + whole
+            for found in read_lines(content[:whole], wave_of(name)):
+                self._keep(name, found)
+            left = content[whole:]
         # The end of a log may be on its way; what was folded ends with a line.
-        if name.endswith(FOLDED) and whole < len(content):
+        if name.endswith(FOLDED) and left:
             self.damaged.add(f"{self.folder}/{name}")
+
+    def _blocks(self, name: str) -> Iterable[bytes]:
+        """What was not read yet of a file; a large one in pieces."""
+        read, path = self._read.get(name, 0), f"{self.folder}/{name}"
+        return (self._depot.get(path, read),) if read else self._depot.blocks(path)
 
     def _keep(self, name: str, found: tuple[Place, RecordLine] | None) -> None:
         if found is None:
             self.damaged.add(f"{self.folder}/{name}")
             return
-        place, line = found
-        if place not in self.lines or self.lines[place][:3] <= line[:3]:
-            self.lines[place] = line
+        self.lines.keep(*found)
 
     def fold(self) -> None:
         """Keep the lines that count in one file. Nobody else may write. Raises StoreError."""

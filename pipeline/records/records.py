@@ -6,19 +6,20 @@ leaves none of unfinished work: what a later wave says of a job counts, within a
 into one, `jobs/STAGE/WAVE.done`, when a run begins and ends. Earlier versions kept a file for each job; it counts as wave 0.
 """
 
+from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from orthomill.pipeline.records.numbered_names import Key
 from orthomill.pipeline.records.record_files import OwnLog, StageFiles, wave_of
 from orthomill.pipeline.records.record_lines import RecordLine, line_of
 from orthomill.pipeline.storage.depots.depot import Depot
 from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.depots.kept_files import Defect, KeptFile
 
-Key = tuple[str, str, int, int]
 NOT_DONE = "not done yet"
 """The reason to do what nobody has a record of."""
 DEFECTS = ("result is missing", "result is damaged")
@@ -79,6 +80,8 @@ class Record(BaseModel):
 
 JOBS = "jobs"
 """the folder of all records"""
+UNDERSTOOD = 64
+"""Records that are kept as they were read: who asks for one mostly asks once more at once."""
 
 
 class Records:
@@ -94,7 +97,8 @@ class Records:
         # A worker asks what other workers of its run have done, and nothing else.
         self._least = wave or 0
         self._stages: dict[str, StageFiles] = {}
-        self._understood: dict[Key, tuple[RecordLine, Record | None]] = {}
+        self._understood: OrderedDict[Key, tuple[bytes, Record | None]] = OrderedDict()
+        """those that were asked for last, with their texts"""
 
     def begin(self) -> int:
         """Begin the wave of a run, unless it has begun; returns its number. Nobody else may run the project."""
@@ -114,9 +118,12 @@ class Records:
         line = self._stage(key[0], afresh=False).lines.get(key[1:])
         if line is None or not line.text:
             return None
-        if key not in self._understood or self._understood[key][0] is not line:
-            self._understood[key] = line, _record_of(line)
-        record = self._understood[key][1]
+        text, record = self._understood.get(key, (b"", None))
+        if text != line.text:
+            record = _record_of(line)
+            self._understood[key] = line.text, record
+            if len(self._understood) > UNDERSTOOD:
+                self._understood.popitem(last=False)
         # A file that was copied or renamed by hand must not vouch for a job that it does not describe.
         return record if record and record.key == key else None
 

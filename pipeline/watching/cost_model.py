@@ -28,7 +28,8 @@ from orthomill.pipeline.forecast.known_costs import (
     family_of,
     largest_grids,
 )
-from orthomill.pipeline.records.records import Key, Record
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record
 from orthomill.schemas.job import Export, Table
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_report import report_table

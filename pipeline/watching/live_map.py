@@ -16,7 +16,8 @@ from orthomill.pipeline.engine.run_facts import TILES
 from orthomill.pipeline.engine.runner import Finished, Runner
 from orthomill.pipeline.engine.running import write_for_the_user_only
 from orthomill.pipeline.engine.session import Session
-from orthomill.pipeline.records.records import Key, Record, key_text
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record, key_text
 from orthomill.pipeline.storage.whole_files import write_whole
 from orthomill.pipeline.watching.cost_model import CostModel
 from orthomill.pipeline.watching.tile_board import TileBoard, TileState

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
 from orthomill.pipeline.engine.session import Watcher
-from orthomill.pipeline.records.records import Key, Record
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record
 
 
 class Watchers:

@@ -14,7 +14,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any
 
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.numbered_names import Key
 
 SLOWEST = 5
 """tiles that are named as the slowest"""

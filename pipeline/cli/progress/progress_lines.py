@@ -15,7 +15,8 @@ from rich.table import Table as Lines
 
 from orthomill.pipeline.engine.planned.planned_jobs import PlannedJob
 from orthomill.pipeline.engine.runner import Finished
-from orthomill.pipeline.records.records import Key, Record
+from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.records import Record
 from orthomill.pipeline.watching.cost_model import CostModel, Remaining
 
 STEPS = 20

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from orthomill.pipeline.engine.execute import JobOrder
-from orthomill.pipeline.records.records import Key
+from orthomill.pipeline.records.numbered_names import Key
 from orthomill.schemas.job import Export
 
 EACH = 0.05
