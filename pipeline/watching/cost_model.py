@@ -30,6 +30,7 @@ from orthomill.pipeline.forecast.known_costs import (
 )
 from orthomill.pipeline.records.numbered_names import Key
 from orthomill.pipeline.records.records import Record
+from orthomill.pipeline.watching.job_efforts import JobEfforts
 from orthomill.schemas.job import Export, Table
 from orthomill.schemas.raster import RasterSpec
 from orthomill.schemas.stage_report import report_table
@@ -167,8 +168,7 @@ class CostModel:
         self._expected = {family: one for family, one in expectations.of.items() if family[0] in stages}
         self._machines = SAME if expectations.here else MACHINES
         self._families: dict[Family, FamilyCost] = {}
-        self._known: dict[Key, tuple[Family, float]] = {}
-        """family and effort of every job"""
+        self._known = JobEfforts()
         self._specs, self._seen = specs, 0
         """rasters that have been announced, and how many of them have been looked at"""
         self._grids: dict[str, float] = {}
@@ -186,8 +186,9 @@ class CostModel:
         closes = not isinstance(job, Export) and any(
             isinstance(region, Table) and region.path == report_table(job.stage).path for region in job.writes.values()
         )
-        self._known[planned.key] = family_of(planned), effort_of(planned)
-        self.count(*self._known[planned.key], closes)
+        family, effort = family_of(planned), effort_of(planned)
+        self._known.add(planned.key, family, effort)
+        self.count(family, effort, closes)
         if len(self._specs) > self._seen:
             for stage, grid in largest_grids(islice(self._specs.values(), self._seen, None)).items():
                 self.laid_out(stage, grid)

@@ -14,7 +14,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any
 
-from orthomill.pipeline.records.numbered_names import Key
+from orthomill.pipeline.records.numbered_names import Key, NumberedKeys
 
 SLOWEST = 5
 """tiles that are named as the slowest"""
@@ -55,8 +55,7 @@ class TileBoard:
 
     def __init__(self, run: str, titles: dict[str, str]) -> None:
         self.run, self.titles = run, titles
-        self.keys: list[Key] = []
-        self._number: dict[Key, int] = {}
+        self.keys = NumberedKeys()
         self._panels: dict[Panel, int] = {}
         self._place = array("i")
         """panel, column, row of every tile"""
@@ -75,8 +74,7 @@ class TileBoard:
         """A tile has been planned."""
         with self._lock:
             number = self._panels.setdefault(panel, len(self._panels))
-            self._number[key] = len(self.keys)
-            self.keys.append(key)
+            self.keys.add(key)
             self._place.extend((number, column, row))
             self._state.append(TileState.WAITING)
             self._counts[TileState.WAITING] += 1
@@ -91,7 +89,7 @@ class TileBoard:
         One that was running and is handed out again has failed, or its worker has.
         """
         with self._lock:
-            tile = self._number.get(key)
+            tile = self.keys.find(key)
             # Dask may tell of the beginning after the session has told of the end.
             if tile is None or self._state[tile] in ENDED:
                 return
@@ -106,7 +104,7 @@ class TileBoard:
     def came_back(self, key: Key, failed: bool) -> None:
         """A worker has given the tile back: an attempt has failed, or the worker is lost with all that it had got."""
         with self._lock:
-            tile = self._number.get(key)
+            tile = self.keys.find(key)
             if tile is None or self._state[tile] in ENDED:
                 return
             self._queues.get(self._worker[tile], {}).pop(tile, None)
@@ -121,7 +119,7 @@ class TileBoard:
         `attempt`: as its record tells, for a scheduler elsewhere does not.
         """
         with self._lock:
-            tile = self._number[key]
+            tile = self.keys.number(key)
             self._seconds[tile], self._memory[tile] = seconds, mebibytes
             self._attempt[tile] = min(max(self._attempt[tile], attempt), 255)
             # A tile may end twice, where its result was found damaged.
