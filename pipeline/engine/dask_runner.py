@@ -198,6 +198,10 @@ class DaskRunner:
         return bool(self._futures or self._waiting or self._told)
 
     @property
+    def has_ended(self) -> bool:
+        return bool(self._told) or not self._ended.empty()
+
+    @property
     def wants_more(self) -> bool:
         # Enough for two tasks of the most jobs: one of fewer is made only where there are no more.
         return len(self._waiting) < 2 * MOST

@@ -53,6 +53,10 @@ class Runner(Protocol):
         """Whether submitted jobs are unfinished."""
 
     @property
+    def has_ended(self) -> bool:
+        """Whether a job has ended of which `next` has not told."""
+
+    @property
     def wants_more(self) -> bool:
         """Whether it has a use for more jobs now. What it does not want costs less room where it is."""
 
@@ -79,6 +83,10 @@ class SequentialRunner:
     @property
     def busy(self) -> bool:
         return bool(self._waiting)
+
+    @property
+    def has_ended(self) -> bool:
+        return False
 
     @property
     def wants_more(self) -> bool:

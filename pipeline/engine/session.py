@@ -6,7 +6,7 @@ All stages that can be planned are in flight together; the session only ever wai
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +40,8 @@ from orthomill.schemas.stage_report import report_table
 
 DISK_RESERVE = 200 * MIB
 """bytes that must stay free: records, tables and products come on top of the rasters that are counted"""
+WAVE = 1000
+"""Jobs that are planned before those that have ended are looked at: some 60 ms"""
 COMPRESSION = 2
 """Rasters are stored compressed; half of their plain size is a cautious estimate for heights and photographs alike."""
 
@@ -131,18 +133,27 @@ class Session:
 
     def plan(self) -> None:
         """Plan all that can be planned now: what is still valid is skipped, the rest is pending."""
+        for _ in self._waves():
+            stop_if_asked()
+
+    def _waves(self) -> Iterator[None]:
+        """Plan all that can be planned now, and pause after every WAVE jobs and at the end of all stages."""
         self._found.clear()
         # A skipped job may have written, in an earlier run, the table that a stage waits for: then more can be planned at once.
         more = True
         while more:
             self._planned_before = len(self._jobs)
             try:
-                for planned in self.planner.advance():
-                    self._sort(self._jobs.number(planned.key), planned)
-                self._awaited = set(self._writers_of_awaited())
-                more = any(number >= self._planned_before and self._states.is_valid(number) for number in self._awaited)
+                for number, planned in enumerate(self.planner.advance(), self._planned_before):
+                    self._sort(number, planned)
+                    if number % WAVE == WAVE - 1:
+                        yield
             finally:
                 self._planned_before = None
+            yield
+            # Not before: a job may have ended in the pause.
+            self._awaited = set(self._writers_of_awaited())
+            more = any(map(self._states.is_valid, self._awaited))
 
     def _sort(self, number: int, planned: PlannedJob) -> None:
         """A job that was planned is skipped or pending."""
@@ -218,25 +229,44 @@ class Session:
         while runner.busy or self.pending or self._goes_again():
             stop_if_asked()
             self._submit(runner)
-            finished = runner.next()
-            record = self._note(finished, watcher)
-            if finished.status == "done" and record:
-                runner.learn(finished.key, record.seconds)
+            finished, record = self._next(runner)
+            watcher.finished(finished, record)
             # Planning walks through all open stages, so it is repeated only when a table has appeared that one of them waits for.
             if finished.status == "done" and self._jobs.number(finished.key) in self._awaited:
                 self._plan_and_submit(runner, watcher)
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
-        self.plan()
-        self.check_resources(runner.room)
+        """Plan what can be planned, with the first jobs of it at work while the last ones are planned."""
+        ended: dict[Key, tuple[Finished, Record | None]] = {}
+        for _ in self._waves():
+            stop_if_asked()
+            self.check_resources(runner.room)
+            self._submit(runner)
+            while runner.has_ended:
+                finished, record = self._next(runner)
+                ended[finished.key] = finished, record
+        # Who watches is told of all that is to be done before any of it is: shares of a part would mean nothing.
+        self._announce(watcher, ended)
+        for finished, record in ended.values():
+            watcher.finished(finished, record)
+
+    def _announce(self, watcher: Watcher, ended: Collection[Key]) -> None:
+        """Tell of new jobs, some of which have ended already."""
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for number in range(self._announced, len(self._jobs)):
             planned = self._jobs.at(number)
             watcher.planned(planned)
-            if self._states.is_valid(number):
+            if self._states.is_valid(number) and planned.key not in ended:
                 watcher.skipped(planned.key)
         self._announced = len(self._jobs)
-        self._submit(runner)
+
+    def _next(self, runner: Runner) -> tuple[Finished, Record | None]:
+        """The next job that ends, and its record."""
+        finished = runner.next()
+        record = self._note(finished)
+        if finished.status == "done" and record:
+            runner.learn(finished.key, record.seconds)
+        return finished, record
 
     def _submit(self, runner: Runner) -> None:
         """Hand over as many jobs as the runner wants; the rest waits here, where it takes less room."""
@@ -285,8 +315,8 @@ class Session:
                 f"{(needed + DISK_RESERVE) / MIB:.0f} MiB are needed; make room, then run again."
             )
 
-    def _note(self, finished: Finished, watcher: Watcher) -> Record | None:
-        """Keeps what became of a job, and tells who watches; its record."""
+    def _note(self, finished: Finished) -> Record | None:
+        """Keeps what became of a job; its record."""
         # What was never tried may have a record of an earlier run.
         record = self._record_of(finished) if finished.status != "blocked" else None
         number = self._jobs.number(finished.key)
@@ -301,7 +331,6 @@ class Session:
             self._suspect_inputs(number)
         else:
             self._states[number] = JobState.BLOCKED
-        watcher.finished(finished, record)
         return record
 
     def _record_of(self, finished: Finished) -> Record | None:

@@ -7,8 +7,6 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from orthomill.pipeline.engine.planned.pickled_jobs import dumps, loads
 from orthomill.pipeline.records.numbered_names import Key, NumberedKeys
 from orthomill.pipeline.records.packed_list import PackedList
@@ -105,13 +103,13 @@ class PlannedJobs(Mapping[Key, PlannedJob]):
         settings, inputs = (self._digests[at : at + _DIGEST].hex() for at in (start, start + _DIGEST))
         return Fingerprint(settings, self._codes[self._code[number]], inputs)
 
-    def memory(self, numbers: Sequence[int]) -> np.ndarray:
-        """Peak bytes of workers that run some jobs, int64."""
-        return np.array(self._memory, np.int64)[np.array(numbers, np.intp)]
+    def memory(self, number: int) -> int:
+        """Peak bytes of a worker that runs a job."""
+        return self._memory[number]
 
-    def output_bytes(self, numbers: Sequence[int]) -> int:
-        """Bytes of all rasters that some jobs write, not compressed."""
-        return int(np.array(self._output, np.int64)[np.array(numbers, np.intp)].sum())
+    def output_bytes(self, number: int) -> int:
+        """Bytes of the rasters that a job writes, not compressed."""
+        return self._output[number]
 
 
 class PendingJobs:
@@ -119,42 +117,39 @@ class PendingJobs:
 
     def __init__(self, jobs: PlannedJobs) -> None:
         self._jobs = jobs
+        self.clear()
+
+    def clear(self) -> None:
+        """None waits."""
         self._numbers, self._first = array("i"), 0
         """and the place of the first that has not been handed over"""
+        self.output_bytes = 0
+        """of the rasters that they write, not compressed"""
+        self._largest = 0
 
     def __len__(self) -> int:
         return len(self._numbers) - self._first
 
     def __iter__(self) -> Iterator[PlannedJob]:
-        return map(self._jobs.at, self._left)
-
-    @property
-    def _left(self) -> array:
-        return self._numbers[self._first :]
+        return map(self._jobs.at, self._numbers[self._first :])
 
     def append(self, number: int) -> None:
         """One more, behind all others."""
         self._numbers.append(number)
+        self.output_bytes += self._jobs.output_bytes(number)
+        self._largest = max(self._largest, self._jobs.memory(number))
 
     def popleft(self) -> PlannedJob:
         """The first, which waits no longer."""
+        number = self._numbers[self._first]
         self._first += 1
-        number = self._numbers[self._first - 1]
+        self.output_bytes -= self._jobs.output_bytes(number)
         if self._first == len(self._numbers):
             self.clear()
         return self._jobs.at(number)
 
-    def clear(self) -> None:
-        """None waits."""
-        self._numbers, self._first = array("i"), 0
-
     def first_above(self, room: int) -> PlannedJob | None:
         """The first that needs more memory than this; None where none does."""
-        numbers = self._left
-        above = np.flatnonzero(self._jobs.memory(numbers) > room)
-        return self._jobs.at(numbers[above[0]]) if len(above) else None
-
-    @property
-    def output_bytes(self) -> int:
-        """Bytes of the rasters that they write, not compressed."""
-        return self._jobs.output_bytes(self._left)
+        if self._largest <= room:
+            return None
+        return next((self._jobs.at(one) for one in self._numbers[self._first :] if self._jobs.memory(one) > room), None)
