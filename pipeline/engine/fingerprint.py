@@ -35,7 +35,10 @@ def digest(*parts: str) -> str:
 
 def of_value(value: Any) -> str:
     """Digest of settings and parameters. Raises TypeError for what has no stable text (sets, open files, ...)."""
-    return digest(json.dumps(_plain(value), sort_keys=True))
+    return digest(_AS_TEXT(_plain(value)))
+
+
+_AS_TEXT = json.JSONEncoder(sort_keys=True).encode
 
 
 def region_text(region: Region) -> str:

@@ -255,7 +255,7 @@ class Graph:
 
     def _check_window(self, job: Job | Export, region: Raster) -> None:
         spec = self._known(job.stage, region.name)
-        if region.window.empty or region.window.clipped(spec.shape) != region.window:
+        if not _lies_in(region.window, spec.shape):
             raise GraphError(f"{job.key} reads {region.window} of {region.name}, which has the shape {spec.shape}.")
 
     def _writers(self, stage: str, region: Region) -> tuple[list[int], str]:
@@ -315,13 +315,21 @@ class Graph:
             raise GraphError(f"{what} has two writers: {self.jobs.keys_by_number[writer]} and {key}.")
 
 
+def _lies_in(window: Window, shape: tuple[int, ...]) -> bool:
+    """Whether a window holds pixels, all of them inside a raster of `shape`."""
+    inside = (
+        window.row >= 0 and window.col >= 0 and window.row + window.height <= shape[0] and window.col + window.width <= shape[1]
+    )
+    return inside and not window.empty
+
+
 def _is_light(job: Job) -> bool:
     """Whether it reads headers, texts and tables only, and writes tables only."""
     # A job that reads nothing computes, and one that writes rasters does so at length.
-    regions = [region for reading in job.reads.values() for region in regions_of(reading)]
-    if not regions or not all(isinstance(region, Table) for region in job.writes.values()):
+    if not job.reads or not all(isinstance(region, Table) for region in job.writes.values()):
         return False
-    return all(isinstance(region, Table | TextFile | PhotoHeader | PhotoPicture) for region in regions)
+    regions = [region for reading in job.reads.values() for region in regions_of(reading)]
+    return bool(regions) and all(isinstance(region, Table | TextFile | PhotoHeader | PhotoPicture) for region in regions)
 
 
 def _check_allowed(stage: str, name: str, readers: tuple[str, ...] | None) -> None:

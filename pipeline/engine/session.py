@@ -237,18 +237,18 @@ class Session:
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         """Plan what can be planned, with the first jobs of it at work while the last ones are planned."""
-        ended: dict[Key, tuple[Finished, Record | None]] = {}
+        ended: dict[Key, Finished] = {}
         for _ in self._waves():
             stop_if_asked()
             self.check_resources(runner.room)
             self._submit(runner)
             while runner.has_ended:
-                finished, record = self._next(runner)
-                ended[finished.key] = finished, record
+                finished, _ = self._next(runner)
+                ended[finished.key] = finished
         # Who watches is told of all that is to be done before any of it is: shares of a part would mean nothing.
         self._announce(watcher, ended)
-        for finished, record in ended.values():
-            watcher.finished(finished, record)
+        for finished in ended.values():
+            watcher.finished(finished, None if finished.status == "blocked" else self.records.get(finished.key))
 
     def _announce(self, watcher: Watcher, ended: Collection[Key]) -> None:
         """Tell of new jobs, some of which have ended already."""

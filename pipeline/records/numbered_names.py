@@ -6,7 +6,7 @@ after the other in one array of bytes.
 
 from array import array
 from collections.abc import Sequence
-from struct import Struct
+from struct import Struct, error
 from typing import overload
 
 import numpy as np
@@ -25,17 +25,14 @@ class NumberedNames:
         self._slots = array("i", [_FREE]) * 8
         self._ends = array("I", [0])
         """where each ends among the bytes of all"""
-        self._bytes = bytearray()
+        self.joined = bytearray()
+        """all, one after the other"""
 
     def __len__(self) -> int:
         return len(self._ends) - 1
 
     def __getitem__(self, number: int) -> bytes:
-        return bytes(self._bytes[self._ends[number] : self._ends[number + 1]])
-
-    def joined(self) -> bytes:
-        """All, one after the other."""
-        return bytes(self._bytes)
+        return bytes(self.joined[self._ends[number] : self._ends[number + 1]])
 
     def find(self, name: bytes) -> int | None:
         """The number of a name; None where it has none."""
@@ -48,8 +45,8 @@ class NumberedNames:
         if self._slots[slot] != _FREE:
             return self._slots[slot]
         number = len(self)
-        self._bytes += name
-        self._ends.append(len(self._bytes))
+        self.joined += name
+        self._ends.append(len(self.joined))
         self._slots[slot] = number
         if 3 * number > 2 * len(self._slots):
             self._enlarge()
@@ -57,7 +54,7 @@ class NumberedNames:
 
     def _slot(self, name: bytes) -> int:
         """Where the number of a name is, or would be."""
-        slots, ends, held, last = self._slots, self._ends, self._bytes, len(self._slots) - 1
+        slots, ends, held, last = self._slots, self._ends, self.joined, len(self._slots) - 1
         slot = hash(name) & last
         while (number := slots[slot]) != _FREE and held[ends[number] : ends[number + 1]] != name:
             slot = (slot + 1) & last
@@ -94,10 +91,12 @@ class NumberedKeys(Sequence[Key]):
     def __getitem__(self, number: int | slice) -> Key | list[Key]:
         if isinstance(number, slice):
             return [self[one] for one in range(len(self))[number]]
-        if not 0 <= number < len(self):
-            raise IndexError(number)
-        kind, row, col = _PLACE.unpack(self._places[number])
-        return *self._named[kind], row, col
+        try:
+            kind, row, col = _PLACE.unpack_from(self._places.joined, _PLACE.size * number)
+        except error:  # whoever walks through a sequence goes on to its end
+            raise IndexError(number) from None
+        stage, item = self._named[kind]
+        return stage, item, row, col
 
     def __contains__(self, key: object) -> bool:
         return isinstance(key, tuple) and self.find(key) is not None
@@ -116,7 +115,7 @@ class NumberedKeys(Sequence[Key]):
 
     def of_stage(self, stage: str) -> np.ndarray:
         """The numbers of the keys of a stage."""
-        kinds = np.frombuffer(self._places.joined(), np.dtype("<i4")).reshape(-1, _PLACE.size // 4)[:, 0]
+        kinds = np.frombuffer(bytes(self._places.joined), np.dtype("<i4")).reshape(-1, _PLACE.size // 4)[:, 0]
         return np.flatnonzero(np.isin(kinds, [number for number, named in enumerate(self._named) if named[0] == stage]))
 
     def add(self, key: Key) -> int:

@@ -2,11 +2,15 @@
 
 import io
 import pickle
+from collections.abc import Callable
+from dataclasses import fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from orthomill.schemas.job import Export, Job
+from orthomill.schemas.job import Export, Job, Raster
+from orthomill.schemas.raster import Window
 
 LARGEST = 4096
 """bytes of an array that is copied"""
@@ -19,8 +23,14 @@ def _small_array(value: np.ndarray) -> Any:
     return value.__reduce__()
 
 
+def _by_fields(kind: type) -> Callable[[Any], tuple[type, tuple]]:
+    """How to make a frozen value again: pickle asks for its state in Python, field by field."""
+    of = attrgetter(*(one.name for one in fields(kind)))
+    return lambda value: (kind, of(value))
+
+
 class _JobPickler(pickle.Pickler):
-    dispatch_table = {np.ndarray: _small_array}  # noqa: RUF012
+    dispatch_table = {np.ndarray: _small_array} | {kind: _by_fields(kind) for kind in (Job, Export, Raster, Window)}
 
 
 def dumps(jobs: list[Job | Export]) -> bytes:

@@ -99,9 +99,8 @@ class PlannedJobs(Mapping[Key, PlannedJob]):
 
     def fingerprint(self, number: int) -> Fingerprint:
         """That of a job."""
-        start = 2 * _DIGEST * number
-        settings, inputs = (self._digests[at : at + _DIGEST].hex() for at in (start, start + _DIGEST))
-        return Fingerprint(settings, self._codes[self._code[number]], inputs)
+        both = self._digests[2 * _DIGEST * number : 2 * _DIGEST * (number + 1)].hex()
+        return Fingerprint(both[: 2 * _DIGEST], self._codes[self._code[number]], both[2 * _DIGEST :])
 
     def memory(self, number: int) -> int:
         """Peak bytes of a worker that runs a job."""
