@@ -78,6 +78,8 @@ class Graph:
         self._table_readers: dict[str, tuple[str, ...]] = {}
         self._joined: dict[int, int] = {}
         """writers of the parts of files -> what joins them"""
+        self.joining: dict[int, None] = {}
+        """numbers of those jobs, in their order"""
 
     def add_raster(self, spec: RasterSpec) -> None:
         """Announce a raster. Raises GraphError when it was announced differently."""
@@ -114,6 +116,7 @@ class Graph:
             self.light.append(number)
         if isinstance(job, Export) and joins_parts(job):
             self._joined.update((self._exporter(job.stage, path), number) for path in job.files)
+            self.joining[number] = None
 
     def writer_of_table(self, path: str) -> Key | None:
         """The job or export that writes a table; None where there is none yet."""

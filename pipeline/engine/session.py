@@ -23,7 +23,7 @@ from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.replaced_products import drop_replaced
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
 from orthomill.pipeline.engine.runner import Finished, Runner
-from orthomill.pipeline.export.file_parts import joins_parts, parts_of
+from orthomill.pipeline.export.file_parts import parts_of
 from orthomill.pipeline.records.numbered_names import Key
 from orthomill.pipeline.records.records import DEFECTS, Record, Records, key_text, reason_to_run
 from orthomill.pipeline.storage.depots.folder import Folder
@@ -383,13 +383,13 @@ class Session:
 
     def drop_parts(self) -> None:
         """Remove the parts of all files that are there, whichever run made them."""
-        for number in self.graph.exports:
+        for number in self.graph.joining:
             if self._states.is_valid(number):
                 self._drop_parts(number)
 
     def _drop_parts(self, number: int) -> None:
-        job = self._jobs.job(number)
-        if isinstance(job, Export) and joins_parts(job):
+        job = self._jobs.job(number) if number in self.graph.joining else None
+        if isinstance(job, Export):
             self.depot.clear(parts_of(job.path))
 
     def drop_replaced(self) -> str:
