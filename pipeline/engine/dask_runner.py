@@ -121,7 +121,8 @@ class DaskRunner:
         self._futures: dict[Key, Future] = {}
         """of all jobs that the scheduler holds"""
         self._ended: SimpleQueue[tuple[Batch, Future]] = SimpleQueue()
-        self._started: Counter[Key] = Counter()
+        self._started = 0
+        """tasks so far"""
         self._killed: Counter[Key] = Counter()
         """how often Dask gave up a job because its workers died"""
         self._shared = False
@@ -172,8 +173,8 @@ class DaskRunner:
         # Jobs that are done, in this run or before, have no future: their results are on disk.
         before = list(dict.fromkeys(self._futures[key] for key in batch.before if key in self._futures))
         # What is submitted again is another task to Dask, which may still hold the first.
-        self._started[batch.key] += 1
-        name = (*batch.key, f"{self._session}-{self._started[batch.key]}")
+        self._started += 1
+        name = (*batch.key, f"{self._session}-{self._started}")
         memory = self._need(batch)
         some = self.workforce.suited(memory)
         sooner = self._killed[batch.key]

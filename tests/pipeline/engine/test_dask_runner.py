@@ -87,7 +87,7 @@ def killed(item: str):
 def test_jobs_carry_their_keys_their_memory_and_what_they_wait_for(runner_of):
     runner = runner_of("one", "two")
     (first, before, options), (second, waits_for, _) = runner.client.submitted
-    assert first[:4] == ("a", "one", 0, 0) and second[:4] == ("a", "two", 0, 0) and first[4] == second[4]
+    assert [key[:4] for key in (first, second)] == [("a", "one", 0, 0), ("a", "two", 0, 0)]
     assert before == () and [future.key for future in waits_for] == [first]
     assert options["memory"] == 7 and options["workers"] is None and options["pure"] is False
 
