@@ -144,7 +144,7 @@ class DaskRunner:
 
     def _fill(self, more_come: bool = False) -> None:
         """Hand over waiting jobs, in their order, until the scheduler has enough."""
-        while self._waiting and len(self._batches) < tasks_held(self.workforce.number) and self._alone is None:
+        while self._waiting and self._has_room and self._alone is None:
             order = self._waiting[0]
             large = order.memory > self.memory_limit
             if large and self._futures:
@@ -159,6 +159,12 @@ class DaskRunner:
                 self._alone = order.key
                 allow_memory(self.client, self.room)
             self._start(batch)
+
+    @property
+    def _has_room(self) -> bool:
+        """Whether the scheduler is to get more."""
+        workers = self.workforce.number
+        return len(self._batches) < tasks_held(workers) and len(self._futures) < jobs_held(workers)
 
     def jobs_of(self, key: Key) -> tuple[Key, ...]:
         """The jobs of the task that has the name of this one. Any thread may ask."""
@@ -344,6 +350,11 @@ class DaskRunner:
 def tasks_held(workers: int) -> int:
     """How many tasks the scheduler of so many workers gets at most."""
     return max(WAVE, EACH * workers)
+
+
+def jobs_held(workers: int) -> int:
+    """How many jobs these are at most: each takes 5 kB of the command, and tasks of many need no more than one that waits."""
+    return max(4 * WAVE, 2 * MOST * workers)
 
 
 def _sent(batch: Batch) -> tuple[Callable, Key | tuple[Key, ...], bytes]:

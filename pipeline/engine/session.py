@@ -6,6 +6,7 @@ All stages that can be planned are in flight together; the session only ever wai
 import shutil
 import time
 import uuid
+from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -22,7 +23,7 @@ from orthomill.pipeline.engine.planned.record_sums import RecordSums
 from orthomill.pipeline.engine.planner import Planner
 from orthomill.pipeline.engine.replaced_products import drop_replaced
 from orthomill.pipeline.engine.run_facts import TIME_FORMAT, Failure, StageRun
-from orthomill.pipeline.engine.runner import Finished, Runner
+from orthomill.pipeline.engine.runner import End, Finished, Runner
 from orthomill.pipeline.export.file_parts import parts_of
 from orthomill.pipeline.records.numbered_names import Key
 from orthomill.pipeline.records.records import DEFECTS, Record, Records, key_text, reason_to_run
@@ -42,6 +43,8 @@ DISK_RESERVE = 200 * MIB
 """bytes that must stay free: records, tables and products come on top of the rasters that are counted"""
 WAVE = 1000
 """Jobs that are planned before those that have ended are looked at: some 60 ms"""
+STATES: dict[End, JobState] = {"done": JobState.DONE, "failed": JobState.FAILED, "blocked": JobState.BLOCKED}
+ENDS = {state: end for end, state in STATES.items()}
 COMPRESSION = 2
 """Rasters are stored compressed; half of their plain size is a cautious estimate for heights and photographs alike."""
 
@@ -237,26 +240,30 @@ class Session:
 
     def _plan_and_submit(self, runner: Runner, watcher: Watcher) -> None:
         """Plan what can be planned, with the first jobs of it at work while the last ones are planned."""
-        ended: dict[Key, Finished] = {}
+        ended = array("i")
         for _ in self._waves():
             stop_if_asked()
             self.check_resources(runner.room)
             self._submit(runner)
             while runner.has_ended:
-                finished, _ = self._next(runner)
-                ended[finished.key] = finished
+                ended.append(self._jobs.number(self._next(runner)[0].key))
         # Who watches is told of all that is to be done before any of it is: shares of a part would mean nothing.
-        self._announce(watcher, ended)
-        for finished in ended.values():
-            watcher.finished(finished, None if finished.status == "blocked" else self.records.get(finished.key))
+        self._announce(watcher, set(ended))
+        for number in ended:
+            self._tell_end(watcher, number)
 
-    def _announce(self, watcher: Watcher, ended: Collection[Key]) -> None:
+    def _tell_end(self, watcher: Watcher, number: int) -> None:
+        key, status = self._jobs.keys_by_number[number], ENDS[JobState(self._states[number])]
+        record = None if status == "blocked" else self.records.get(key)
+        watcher.finished(Finished(key, status, self.failures.get(key, "")), record)
+
+    def _announce(self, watcher: Watcher, ended: Collection[int]) -> None:
         """Tell of new jobs, some of which have ended already."""
         # Jobs are announced once, though planning is repeated: the graph keeps them in the order in which they were added.
         for number in range(self._announced, len(self._jobs)):
             planned = self._jobs.at(number)
             watcher.planned(planned)
-            if self._states.is_valid(number) and planned.key not in ended:
+            if self._states.is_valid(number) and number not in ended:
                 watcher.skipped(planned.key)
         self._announced = len(self._jobs)
 
@@ -320,17 +327,14 @@ class Session:
         # What was never tried may have a record of an earlier run.
         record = self._record_of(finished) if finished.status != "blocked" else None
         number = self._jobs.number(finished.key)
+        self._states[number] = STATES[finished.status]
         if finished.status == "done":
-            self._states[number] = JobState.DONE
             if record:
                 self._sums.add(record, earlier=False)
             self._drop_parts(number)
         elif finished.status == "failed":
-            self._states[number] = JobState.FAILED
             self.failures[finished.key] = finished.sentence
             self._suspect_inputs(number)
-        else:
-            self._states[number] = JobState.BLOCKED
         return record
 
     def _record_of(self, finished: Finished) -> Record | None:
