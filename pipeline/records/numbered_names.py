@@ -19,7 +19,7 @@ _PLACE = Struct("<iii")
 
 
 class NumberedNames:
-    """Byte strings, each of which has a number."""
+    """Byte strings, each of which has a number. One thread adds them; any may ask."""
 
     def __init__(self) -> None:
         self._slots = array("i", [_FREE]) * 8
@@ -54,20 +54,24 @@ class NumberedNames:
 
     def _slot(self, name: bytes) -> int:
         """Where the number of a name is, or would be."""
-        slots, ends, held, last = self._slots, self._ends, self.joined, len(self._slots) - 1
+        # Read once: another thread may enlarge it meanwhile.
+        slots, ends, held = self._slots, self._ends, self.joined
+        last = len(slots) - 1
         slot = hash(name) & last
         while (number := slots[slot]) != _FREE and held[ends[number] : ends[number + 1]] != name:
             slot = (slot + 1) & last
         return slot
 
     def _enlarge(self) -> None:
-        self._slots = array("i", [_FREE]) * (2 * len(self._slots))
-        slots, last = self._slots, len(self._slots) - 1
+        slots = array("i", [_FREE]) * (2 * len(self._slots))
+        last = len(slots) - 1
         for number in range(len(self)):
             slot = hash(self[number]) & last
             while slots[slot] != _FREE:
                 slot = (slot + 1) & last
             slots[slot] = number
+        # Whole at once: other threads look names up in it.
+        self._slots = slots
 
 
 class NumberedKeys(Sequence[Key]):

@@ -1,5 +1,8 @@
 """Names and keys have numbers in the order in which they came, whatever their hashes are."""
 
+import sys
+from threading import Event, Thread
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,3 +41,27 @@ def test_what_is_not_there_is_not_found():
         keys.number(("a", "tile", 1, 0))
     with pytest.raises(IndexError):
         keys[1]
+
+
+def test_another_thread_finds_names_while_more_are_added():
+    names, missed, done = NumberedNames(), [], Event()
+    known = [f"first {number}".encode() for number in range(50)]
+    for name in known:
+        names.add(name)
+
+    def look() -> None:
+        while not done.is_set():
+            missed.extend(name for name in known if names.find(name) is None)
+
+    looking = Thread(target=look)
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    looking.start()
+    try:
+        for number in range(20_000):
+            names.add(f"later {number}".encode())
+    finally:
+        sys.setswitchinterval(before)
+        done.set()
+        looking.join()
+    assert not missed
