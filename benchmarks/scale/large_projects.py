@@ -21,8 +21,8 @@ from orthomill.pipeline.storage.depots.bucket import Bucket
 
 DISPATCH, ENGINE = 0.0045, 0.007
 """CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
-PLAN_BYTES = 2500.0
-"""of a job in the plan, in the memory of the command: the same"""
+PLAN_BYTES = 500.0
+"""of a job in the memory of the command, with its record, on the map and in the forecast: `python -m benchmarks plan_cost`"""
 ADJUSTMENT_BYTES = 1.4e6
 """of a photograph in the adjustment: adjustment_growth.md"""
 PHOTOGRAPH = 100.0

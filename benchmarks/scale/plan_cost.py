@@ -204,8 +204,9 @@ def page(found: list[PlanCost]) -> str:
         "",
         f"Jobs that write or read a chunk of {CHUNK} px with its halo, planned and handed to a runner that does nothing but record "
         "them as done; then planned once more, with nothing left to do. CPU of the command, and the memory of its process at most, "
-        f"of which the program itself takes {found[0].program / 2**20:.0f} MiB. *run* is what the session does for a job beside "
-        "the messages to workers, with the writing of its record, which workers do. Memory is that of all steps until then.",
+        f"of which the program itself takes {found[0].program / 2**20:.0f} MiB. *run* is planning, what the session does for a job "
+        "beside the messages to workers, and the writing of its record, which workers do; the first tile is handed over so long "
+        "after the table is there that all wait for. Memory is that of all steps until then.",
         "",
         "| jobs | planning, CPU s | MiB | first tile after, s | run, CPU s | MiB | second run, CPU s | MiB |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",

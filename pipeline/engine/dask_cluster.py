@@ -56,6 +56,9 @@ SETTINGS = {
     "distributed.worker.profile.enabled": True,
     "distributed.worker.profile.interval": "100ms",
     "distributed.admin.tick.interval": "500ms",
+    # So many messages are kept of what was sent to the scheduler and to each worker, with the jobs in them: a thousand, the usual
+    # number, are gigabytes for a thousand workers.
+    "distributed.admin.low-level-log-length": 100,
     "distributed.admin.system-monitor.interval": "2s",
     "distributed.scheduler.work-stealing-interval": "500ms",
     # On a machine with all cores busy a process can wait minutes for its turn. A process that has ended closes its connections, and
