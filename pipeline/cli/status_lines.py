@@ -1,6 +1,6 @@
 """What `status` tells of the stages of a run, and where the pages of one in progress are."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 
@@ -18,16 +18,23 @@ def begun_at(folder: Path) -> float | None:
     return datetime.strptime(facts.started, TIME_FORMAT).timestamp() if facts else None
 
 
-def status_row(records: tuple[Record, ...], begun: float | None) -> Iterator[str]:
+def status_row(records: Iterable[Record], begun: float | None) -> Iterator[str]:
     """The cells of a stage; with the jobs begun since `begun`, where a run is in progress."""
-    failed = [record for record in records if record.status == "failed"]
-    yield str(sum(record.status == "done" for record in records))
+    done = now = failed = peak = 0
+    seconds, last = 0.0, ""
+    for record in records:
+        done += record.status == "done"
+        now += begun is not None and record.started >= begun
+        seconds, peak = seconds + record.seconds, max(peak, record.peak_bytes)
+        if record.status == "failed":
+            failed, last = failed + 1, f"{key_text(record.key)}: {record.error}"
+    yield str(done)
     if begun:
-        yield str(sum(record.started >= begun for record in records))
-    yield str(len(failed))
-    yield f"{sum(record.seconds for record in records):.1f}"
-    yield f"{max((record.peak_bytes for record in records), default=0) / MIB:.0f} MiB"
-    yield escape(f"{key_text(failed[-1].key)}: {failed[-1].error}") if failed else ""
+        yield str(now)
+    yield str(failed)
+    yield f"{seconds:.1f}"
+    yield f"{peak / MIB:.0f} MiB"
+    yield escape(last)
 
 
 def dashboard_address(folder: Path, held_by: str = DASHBOARD) -> str:

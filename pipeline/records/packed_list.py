@@ -9,8 +9,8 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 BLOCK = 256
 """elements that are packed together"""
-UNPACKED = 4
-"""blocks that are kept as they were asked for last: who walks through the list unpacks each once"""
+UNPACKED = 16
+"""blocks that are kept as they were asked for last: who walks through the list, or nearly in its order, unpacks each once"""
 
 
 class PackedList(Generic[T]):

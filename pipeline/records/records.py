@@ -7,6 +7,7 @@ into one, `jobs/STAGE/WAVE.done`, when a run begins and ends. Earlier versions k
 """
 
 from collections import OrderedDict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -154,8 +155,12 @@ class Records:
 
     def of_stage(self, stage: str) -> tuple[Record, ...]:
         """All readable records of a stage, by key."""
-        keys = [(stage, *place) for place in sorted(self._stage(stage).lines)]
-        return tuple(record for key in keys if (record := self.get(key)))
+        return tuple(self.each_of_stage(stage))
+
+    def each_of_stage(self, stage: str) -> Iterator[Record]:
+        """The same, one after the other: who adds them up need not hold them all."""
+        keys = ((stage, *place) for place in sorted(self._stage(stage).lines))
+        return (record for key in keys if (record := self.get(key)))
 
     def sort_out(self) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         """All records, and the files in which some cannot be read."""

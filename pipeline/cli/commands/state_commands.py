@@ -61,7 +61,7 @@ def status(name: Name, debug: Debug = False) -> None:
         now = ("this run",) if begun else ()
         lines = Lines("stage", "done", *now, "failed", "seconds", "peak memory", "last error", box=None)
         for stage in loaded.stages:
-            lines.add_row(stage.kind, *status_row(Records(folder).of_stage(stage.kind), begun))
+            lines.add_row(stage.kind, *status_row(Records(folder).each_of_stage(stage.kind), begun))
         out.print(lines)
         address = dashboard_address(folder)
         running = f"running now; dashboard: {address}" if address else "running now"
