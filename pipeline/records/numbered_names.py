@@ -36,27 +36,28 @@ class NumberedNames:
 
     def find(self, name: bytes) -> int | None:
         """The number of a name; None where it has none."""
-        number = self._slots[self._slot(name)]
+        # Asked once: another thread may enlarge it meanwhile.
+        slots = self._slots
+        number = slots[self._slot(slots, name)]
         return None if number == _FREE else number
 
     def add(self, name: bytes) -> int:
         """The number of a name, a new one where it has none."""
-        slot = self._slot(name)
+        slot = self._slot(self._slots, name)
         if self._slots[slot] != _FREE:
             return self._slots[slot]
         number = len(self)
         self.joined += name
         self._ends.append(len(self.joined))
+        # Last: who finds the number finds the name.
         self._slots[slot] = number
         if 3 * number > 2 * len(self._slots):
             self._enlarge()
         return number
 
-    def _slot(self, name: bytes) -> int:
+    def _slot(self, slots: array, name: bytes) -> int:
         """Where the number of a name is, or would be."""
-        # Read once: another thread may enlarge it meanwhile.
-        slots, ends, held = self._slots, self._ends, self.joined
-        last = len(slots) - 1
+        ends, held, last = self._ends, self.joined, len(slots) - 1
         slot = hash(name) & last
         while (number := slots[slot]) != _FREE and held[ends[number] : ends[number + 1]] != name:
             slot = (slot + 1) & last
