@@ -164,9 +164,16 @@ class Records:
 
     def sort_out(self) -> tuple[tuple[Record, ...], tuple[str, ...]]:
         """All records, and the files in which some cannot be read."""
+        return tuple(self.each()), self.unreadable()
+
+    def each(self) -> Iterator[Record]:
+        """All records, stage by stage, one after the other."""
+        return (record for stage in self.depot.folders(JOBS) for record in self.each_of_stage(stage))
+
+    def unreadable(self) -> tuple[str, ...]:
+        """The files in which some records cannot be read."""
         stages = self.depot.folders(JOBS)
-        records = tuple(record for stage in stages for record in self.of_stage(stage))
-        return records, tuple(name for stage in stages for name in sorted(self._stages[stage].damaged))
+        return tuple(name for stage in stages for name in sorted(self._stage(stage, afresh=False).damaged))
 
     def fold(self) -> None:
         """Keep what counts of each stage in one file. Nobody else may run the project. Raises StoreError."""

@@ -4,11 +4,14 @@ What is damaged is marked in the records, so that the next run computes it again
 groups and map axes of the raster store) is written again at once.
 """
 
+import os
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from orthomill.pipeline.records.lock import only_run
+from orthomill.pipeline.records.numbered_names import NumberedNames
 from orthomill.pipeline.records.records import Record, Records
 from orthomill.pipeline.storage.depots.folder import PARTS
 from orthomill.pipeline.storage.depots.kept_files import defect_of
@@ -35,26 +38,58 @@ def verify(folder: Path) -> Verification:
 def examine(folder: Path, since: float = 0.0) -> Verification:
     """Examine the results of jobs that ended after `since` (s since 1970), and mark the damaged ones."""
     store, records = Store(folder), Records(folder)
-    readable, unreadable = records.sort_out()
-    valid = (record for record in readable if record.status == "done" and not _is_replaced(record, store))
-    done = [_without_gone_parts(record, store) for record in valid]
-    last = {name: record for record in sorted(done, key=lambda record: record.started) for name in record.files}
+    last, size = _LastWriters(), 0
+    # One after the other, and twice: of a million jobs the records take gigabytes.
+    for number, record in _done(records, store):
+        last.add(number, record)
+        size += sum(kept.size for kept in record.files.values())
     damaged: dict[str, str] = {}
-    for record in done:
+    for number, record in _done(records, store):
         if record.started + record.seconds < since:
             continue
         # Where a later job wrote the same file, an earlier record says nothing about it.
-        own = {name: kept for name, kept in record.files.items() if last[name] is record}
+        own = {name: kept for name, kept in record.files.items() if last.is_of(name, number)}
         found = {name: defect for name, kept in own.items() if (defect := defect_of(store.depot, name, kept, thoroughly=True))}
         found |= dict.fromkeys(_broken_rasters(record, store), "damaged")
         if found:
             damaged |= found
             records.put(record.model_copy(update={"status": "damaged"}))
-    damaged |= dict.fromkeys(unreadable, "damaged")
+    damaged |= dict.fromkeys(records.unreadable(), "damaged")
     # What cannot be read is left out, and what it may have hidden is done again.
     records.fold()
-    size = sum(kept.size for record in done for kept in record.files.values())
     return Verification(len(last), size, damaged, tuple(_mended(store)))
+
+
+def _done(records: Records, store: Store) -> Iterator[tuple[int, Record]]:
+    """The records of what was done and counts, each with its number among all."""
+    for number, record in enumerate(records.each()):
+        if record.status == "done" and not _is_replaced(record, store):
+            yield number, _without_gone_parts(record, store)
+
+
+class _LastWriters:
+    """By file, the number of the record of the job that began last of those that wrote it."""
+
+    def __init__(self) -> None:
+        self._names, self._writers, self._begun = NumberedNames(), array("i"), array("d")
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def add(self, number: int, record: Record) -> None:
+        """One more record."""
+        for name in record.files:
+            place = self._names.add(os.fsencode(name))
+            if place == len(self._writers):
+                self._writers.append(number)
+                self._begun.append(record.started)
+            elif record.started >= self._begun[place]:
+                self._writers[place], self._begun[place] = number, record.started
+
+    def is_of(self, name: str, number: int) -> bool:
+        """Whether the file is that of this record."""
+        place = self._names.find(os.fsencode(name))
+        return place is not None and self._writers[place] == number
 
 
 def _is_replaced(record: Record, store: Store) -> bool:
