@@ -227,7 +227,8 @@ class Session:
                 yield from stage.outlines(self.planner)
 
     def run(self, runner: Runner, watcher: Watcher) -> None:
-        """Run all that has to run. Failures are gathered, not raised; ResourceError before anything is submitted."""
+        """Run all that has to run. Failures are gathered, not raised. Raises ResourceError before a job that needs too much is
+        submitted, but for those of later stages not before the first one."""
         self._plan_and_submit(runner, watcher)
         while runner.busy or self.pending or self._goes_again():
             stop_if_asked()
