@@ -19,7 +19,7 @@ from orthomill.pipeline.engine.workers.order_batches import seconds_of_task
 from orthomill.pipeline.export.file_parts import SHEET
 from orthomill.pipeline.storage.depots.bucket import Bucket
 
-DISPATCH, ENGINE = 0.0045, 0.007
+DISPATCH, ENGINE = 0.0011, 0.0015
 """CPU s a job of the command with its scheduler, and of a worker beside the work: `python -m benchmarks engine_cost`"""
 PLAN_BYTES = 500.0
 """of a job in the memory of the command, with its record, on the map and in the forecast: `python -m benchmarks plan_cost`"""
