@@ -259,7 +259,7 @@ def damages(root: Path, reference: dict[str, str], count: int, chance: random.Ra
         print(f"{sum(counted.values())}/{count} files damaged and mended", flush=True)
 
 
-def page(struck_runs: Counter[str], damaged: Counter[str], words: str, latest: float) -> str:
+def page(struck_runs: Counter[str], damaged: Counter[str], latest: float) -> str:
     """The page of results."""
     projects = struck_runs.pop("projects", 0)
     lines = [
