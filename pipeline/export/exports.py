@@ -42,7 +42,7 @@ from orthomill.pipeline.export.vectors.geopackage import write_geopackage
 from orthomill.pipeline.export.vectors.map_drawing import write_drawing
 from orthomill.pipeline.export.vectors.map_features import Layer, TableLines
 from orthomill.pipeline.storage.depots.depot import Depot
-from orthomill.pipeline.storage.depots.folder import PARTS, PRODUCTS
+from orthomill.pipeline.storage.depots.folder import PARTS, PRODUCTS, Folder
 from orthomill.pipeline.storage.depots.kept_at import depot_of
 from orthomill.pipeline.storage.depots.product_files import SHEET_INDEX, WHOLE
 from orthomill.pipeline.storage.reading import ReadableStore
@@ -67,7 +67,7 @@ T = TypeVar("T")
 
 def export(export: Export, store: ReadableStore, place: Path | Depot) -> tuple[str, ...]:
     """Write the file of `export` in the run's folder or depot, complete or not at all; its name there, none of a sheet without
-    content.
+    content, and in a folder the names of what lies beside it: a power cut may take any of it.
 
     Raises StoreError when its rasters or tables are missing or do not fit together, ResourceError when the disk refuses.
     """
@@ -78,16 +78,24 @@ def export(export: Export, store: ReadableStore, place: Path | Depot) -> tuple[s
         with depot.product(export.path) as path:
             WRITERS[export.format](export, store, path)
             left = path.exists()
+            # An object store keeps what it has taken, and the list is sent last.
+            beside = _tiles_beside(export, path) if left and isinstance(depot, Folder) else ()
         if export.format == "map":
             _remove_stale_tiles(export, store, depot)
         if not left:
             depot.delete(export.path)  # that of an earlier run
-        return (export.path,) if left else ()
+        return (export.path, *beside) if left else ()
     except (OSError, RasterioError, LazrsError) as error:
         raise ResourceError(
             f"{depot.address}/{export.path} cannot be written ({_first_line(error)}); make room on the disk or make the folder "
             "writable, then run again."
         ) from error
+
+
+def _tiles_beside(export: Export, path: Path) -> tuple[str, ...]:
+    from orthomill.pipeline.export.viewer.tile_files import tile_files
+
+    return tile_files(export, path)
 
 
 def _remove_stale_tiles(export: Export, store: ReadableStore, depot: Depot) -> None:

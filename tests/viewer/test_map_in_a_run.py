@@ -1,10 +1,12 @@
 """The map as the engine makes it: the same files in a folder and in an object store, and parts anew where something changed."""
 
+import os
 from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
 
+from orthomill.pipeline.records.verification import examine
 from orthomill.pipeline.storage.depots.folder import Folder
 from orthomill.pipeline.storage.depots.kept_at import keep_in
 from orthomill.schemas.job import Export, Job, Raster
@@ -74,3 +76,20 @@ def test_a_changed_tile_makes_the_parts_anew_that_lie_on_it(tmp_path):
     values = {key[2] for key in again.done if key[1] == "values"}
     # The shades are of the whole raster, and all tiles have their colours from them; values lie on their own part alone.
     assert not again.failures and tiles == {0, 1} and values == {1}
+
+
+def test_tiles_that_a_power_cut_took_are_found_and_made_again(tmp_path):
+    run_in(tmp_path, MappedStage())
+    folder = tmp_path / "runs/toy"
+    products = {path: path.read_bytes() for path in (folder / "products").rglob("*") if path.is_file()}
+    image, values = folder / "products/viewer/0/1/0-0.webp", folder / "products/viewer/values/2-0.js"
+    image = image if image.exists() else image.with_suffix(".jpg")
+    before = image.stat()
+    image.write_bytes(bytes(before.st_size))
+    os.utime(image, ns=(before.st_atime_ns, before.st_mtime_ns))
+    values.unlink()
+    lost = examine(folder).damaged
+    assert lost == {image.relative_to(folder).as_posix(): "damaged", values.relative_to(folder).as_posix(): "missing"}
+    again = run_in(tmp_path, MappedStage())
+    assert {key[1] for key in again.done} >= {"layer0-tiles0", "values"} and not again.failures
+    assert {path: path.read_bytes() for path in products} == products
