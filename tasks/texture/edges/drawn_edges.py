@@ -40,7 +40,7 @@ _BESIDE = 1.0  # px to both sides of the path, in which the place of the greates
 _MOST = 1.5  # of the change at the edge, that a stronger one beside it counts for
 _SHARE = 0.4  # of the change at the edge, that a place on the path must have
 _ENOUGH = 0.7  # of the profiles, in which the edge must be found
-_AT_ONCE = 256  # places whose profiles are held
+_AT_ONCE = 64  # places whose profiles are held, of all photographs at once
 
 
 class DrawnEdges(BaseModel):
@@ -90,25 +90,14 @@ def drawn_edges(
     piece = _Piece(np.arange(-half, half + 1.0), np.arange(-wide, wide + 1) / _STEPS)
     most = 255.0 / np.iinfo(ortho.dtype).max
     picture = np.where(ortho[..., 3:] > 0, ortho[..., :3] * np.float32(most), np.float32(np.nan))
-    sums = np.zeros(6)
-    for first in range(0, len(chosen), _AT_ONCE):
-        some: MeasuredEdges = edges.take(chosen[first : first + _AT_ONCE])
-        sums += _judged(some, grid, window, picture, photos, piece)
-    places, drawn, profiles, photo_profiles = (int(sums[k]) for k in (0, 1, 3, 5))
-    return DrawnEdges(
-        places=places,
-        drawn=drawn,
-        squares=float(sums[2]),
-        profiles=profiles,
-        photo_squares=float(sums[4]),
-        photo_profiles=photo_profiles,
-    )
+    parts = (chosen[first : first + _AT_ONCE] for first in range(0, len(chosen), _AT_ONCE))
+    return all_drawn([_judged(edges.take(part), grid, window, picture, photos, piece) for part in parts])
 
 
 def _judged(
     edges: MeasuredEdges, grid: MapGrid, window: Window, picture: np.ndarray, photos: list[BalancedPhotograph], piece: _Piece
-) -> np.ndarray:
-    """Sums (6,) in the order of `DrawnEdges`."""
+) -> DrawnEdges:
+    """The sums over some edges."""
     changes = _photo_changes(edges, grid.cell, photos, piece)
     own = _changes(_ortho_profiles(edges, grid, window, picture, piece))
     there = changes_at_edge(changes, piece.across)
@@ -118,9 +107,14 @@ def _judged(
     in_ortho, in_photo = (
         found_pieces(edge_path(of[asked], at[asked], piece.across)) for of, at in ((own, there), (changes[:, 0], beside))
     )
-    sums = (float((away**2).sum()) for away in (in_ortho.left, in_photo.left))
-    squares, photo_squares = sums
-    return np.array([asked.sum(), in_ortho.pieces, squares, in_ortho.left.size, photo_squares, in_photo.left.size])
+    return DrawnEdges(
+        places=int(asked.sum()),
+        drawn=in_ortho.pieces,
+        squares=float((in_ortho.left**2).sum()),
+        profiles=in_ortho.left.size,
+        photo_squares=float((in_photo.left**2).sum()),
+        photo_profiles=in_photo.left.size,
+    )
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:
